@@ -21,6 +21,7 @@ from radcal.calibration.scoring import score
 from radcal.calibration.steps import all_parameters, run_all_draws
 from radcal.config import load
 from radcal.config.stages import STAGES
+from radcal.inference.moments import from_dp
 from radcal.objectives import make_objectives
 from radcal.processes import one_thread
 from radcal.proposals import surrogate
@@ -97,7 +98,7 @@ class Problem:
         self._objectives = make_objectives(STAGES["scores"].of(self.case), self.targets)
         (objective,) = self._objectives[_NAME].passes
         assert objective is not None  # a case of one pass
-        self._target, self._scale = objective.measured_bins().statistics, objective.scale
+        self._target, self._scale = from_dp(objective.material.target.dp)[None], objective.scale
         self._low, high = np.array(self.case.materials[_NAME].box).T
         self._width = high - self._low
         self.start = (np.array(self.case.materials[_NAME].start_parameters) - self._low) / self._width

@@ -111,7 +111,7 @@ def test_levels_at_the_knots_are_weighed_in_the_cells():
     compared = SimpleNamespace(prior=None)
     objective = SimpleNamespace(
         material=SimpleNamespace(box=[[-30.0, 10.0], [-40.0, 0.0]], integer=np.zeros(2, bool)),
-        passes=[None, SimpleNamespace(measured_bins=lambda: compared)],
+        passes=[None, compared],
     )
     parameters, weights, knots = model._with_curve(of, objective, [LINE], [(35.0, 0.8)])
     assert (knots[0], knots[-1]) == (30.0, 38.0)
@@ -164,7 +164,7 @@ def known_case(passes=1):
     best = LINE_X + [0.7, -1.5]
     objective = SimpleNamespace(
         material=SimpleNamespace(name="dyke", box=LINE_BOX, integer=np.zeros(2, bool)),
-        passes=[SimpleNamespace(measured_bins=lambda: SimpleNamespace(prior=None))] * passes,
+        passes=[SimpleNamespace(prior=None)] * passes,
     )
     score = SimpleNamespace(parameters=best)
     one = SimpleNamespace(incidence_deg=np.linspace(28.0, 46.0, 60).astype(np.float32), classes=None)
@@ -209,7 +209,7 @@ def test_a_law_without_a_curve_takes_the_bins_of_its_passes(monkeypatch):
     """The first pass has bins and no cells, the second cells and no target: means and weights stay in line."""
     bins = [np.array([[29.0, 31.0], [39.0, 41.0]]), None, np.array([[33.0, 35.0], [43.0, 45.0], [47.0, 49.0]])]
     passes = [
-        None if one is None else SimpleNamespace(measured_bins=lambda one=one: SimpleNamespace(classes=one))
+        None if one is None else SimpleNamespace(classes=one)
         for one in (None if nodes is None else SimpleNamespace(nodes_deg=nodes) for nodes in bins)
     ]
     objective = SimpleNamespace(

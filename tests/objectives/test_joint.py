@@ -126,7 +126,7 @@ def test_cost_and_residuals_are_those_of_the_passes(found):
 def test_priors_enter_once(found):
     case, _, _, objectives, _ = found
     parts = objectives["field"].passes
-    sizes = [part._prior(np.array(X), 3.0).size for part in parts if hasattr(part, "_prior")]
+    sizes = [part._priors(np.array(X), 3.0).size for part in parts if hasattr(part, "_priors")]
     # 4 residuals on the curve and one on the looks; one density has no priors
     assert sizes == ([5, 0] if case.objective == "classes" else [])
 

@@ -109,7 +109,7 @@ def test_draws_have_the_prior_of_the_curve():
     objective = made(box=box)
     found = prior_draws(objective, np.random.default_rng(1))[:, 2]
     grid = np.linspace(0.0, 30.0, 3001)
-    prior = objective.measured_bins().prior
+    prior = objective.prior
     weight = np.array([np.exp(-0.5 * (prior.residuals([-12.0, 5.0, at, 3.0]) ** 2).sum()) for at in grid])
     mean = np.average(grid, weights=weight)
     sd = np.sqrt(np.average((grid - mean) ** 2, weights=weight))

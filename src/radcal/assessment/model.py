@@ -191,7 +191,7 @@ def _with_curve(
         seen.append((law, np.radians(np.clip(middle + share * (at - middle), 0.0, 90.0)), noise))
         blocks.append(np.maximum(0.0, 1.0 - np.abs(own.incidence_deg[:, None] - at) / _KNOT_DEG))
         knots.append(at)
-    prior = next(part for part in objective.passes if part is not None).measured_bins().prior
+    prior = next(part for part in objective.passes if part is not None).prior
 
     def log_prior(x: Doubles) -> Doubles:
         if prior is None:
@@ -216,7 +216,7 @@ def _without_curve(
     for own, part in zip(observed.cells, objective.passes, strict=True):
         if part is None:  # without a target, and so without cells
             continue
-        classes = part.measured_bins().classes
+        classes = part.classes
         middle = classes.nodes_deg.mean(axis=1)
         nearest = np.abs(own.incidence_deg[:, None] - middle).argmin(axis=1)
         blocks.append(np.eye(middle.size)[nearest])

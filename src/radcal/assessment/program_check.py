@@ -68,12 +68,11 @@ def beyond_law_db(
     """
     part = objective.passes[0]
     assert part is not None  # noqa: S101
-    compared = part.measured_bins()
-    classes, method = compared.classes, compared.method
+    classes, material = part.classes, part.material
     each = [objective.in_pass(0, run.scores[name]) for run in history.runs if run.scores[name].own_law]
     best = objective.in_pass(0, history.best(name))
     means, sd = np.array([score.statistics for score in each])[:, :, 0], np.exp(np.array(best.statistics)[:, 1])
-    expected = LawForward(method.law, classes.nodes_deg, method.looks)(np.array(best.parameters))[:, 0]
+    expected = LawForward(material.law, classes.nodes_deg, material.looks)(np.array(best.parameters))[:, 0]
     difference = np.array(best.statistics)[:, 0] - expected
     area = 10.0 * np.log10(np.maximum(weights_of_facets(geometry)[target.pixels], 1e-9))
     by_area = np.bincount(classes.member, area, classes.size) / np.maximum(classes.count, 1)

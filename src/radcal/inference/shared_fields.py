@@ -7,12 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from radcal.ground.bins import Classes
 from radcal.inference.misfit import BinMisfit
-
-Doubles = NDArray[np.float64]
 
 
 def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
@@ -30,12 +27,10 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
     Returns
     -------
     BinMisfit
-        Misfit with the covariance of all passes; with one pass, the misfit of this pass. The misfit
-        of several passes does not shift expected statistics.
+        Misfit with the covariance of all passes, which does not shift expected statistics. With it, differences that
+        one effect of a field explains in all passes make the sum of squared residuals smaller; differences between
+        passes on one field make the sum larger.
     """
-    first = misfits[0]
-    if len(misfits) == 1:
-        return first
     every = [one.classes for one in misfits]
     patches = np.unique(np.concatenate([one.patches for one in misfits]))
     columns = [np.searchsorted(patches, one.patches) for one in misfits]
@@ -45,7 +40,7 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
         shares[start : start + one.classes.size, own] = one.patch_share
     nodes = np.concatenate([one.nodes_deg for one in every])
     return replace(
-        first,
+        misfits[0],
         classes=Classes(
             edges_deg=np.concatenate([one.edges_deg for one in every]),
             member=np.concatenate([one.member + start for one, start in zip(every, ends[:-1], strict=True)]),
@@ -61,32 +56,3 @@ def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
         true_deg=nodes,
         patches=patches,
     )
-
-
-class SharedFields:
-    """Residuals of several passes with shared fields, from the residuals of each pass alone.
-
-    Parameters
-    ----------
-    misfits : sequence of BinMisfit
-        Misfit of each pass; the standard deviations between and within fields are the same in all passes.
-
-    Attributes
-    ----------
-    joined : BinMisfit
-        Misfit of the bins of all passes (:func:`together`).
-    """
-
-    def __init__(self, misfits: Sequence[BinMisfit]) -> None:
-        self._misfits, self.joined = misfits, together(misfits)
-
-    def residuals(self, each: Sequence[Doubles]) -> Doubles:
-        """Residuals of all passes, shape (..., 3 n), from the residuals of each pass k, shape (..., 3 n_k).
-
-        The order is: all means, all log sds, all skewnesses. Differences that one effect of a field explains in all
-        passes make the sum of squared residuals smaller. Differences between passes on one field make the sum larger.
-        """
-        if len(each) == 1:
-            return each[0]
-        differences = [one.differences(own) for one, own in zip(self._misfits, each, strict=True)]
-        return self.joined.whitened(np.concatenate(differences, axis=-2))

@@ -14,10 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.config import Stop
 from radcal.findings import Finding
 from radcal.ground.bins import Classes
-from radcal.ground.ground import Ground
 from radcal.inference.expected import LawForward
 from radcal.inference.law_fit import LOOKS
-from radcal.inference.misfit import BinMisfit, Method, Misfit
+from radcal.inference.misfit import BinMisfit, Misfit
 from radcal.inference.priors import CurvePrior
 from radcal.laws import Law
 from radcal.objectives.history import History, Proposal, Score
@@ -87,31 +86,6 @@ class PredictedPoints:
     parameters: Doubles
     looks: Doubles
     slack: Doubles | float = 0.0
-
-
-@dataclass(frozen=True)
-class MeasuredBins:
-    """Measured pixels of one material in one pass, with the statistics that an objective compares.
-
-    Attributes
-    ----------
-    ground : Ground
-        Measured pixels.
-    classes : Classes
-        Incidence-angle bins, with the effective sample size for differences between target and run.
-    method : Method
-        Law, number of looks and whether it has a prior, and error of the local incidence.
-    statistics : ndarray, shape (n, 3)
-        Mean [dB], log sd and skewness of the pixels in each bin.
-    prior : CurvePrior or None
-        Prior on the curve of the law.
-    """
-
-    ground: Ground
-    classes: Classes
-    method: Method
-    statistics: Doubles
-    prior: CurvePrior | None
 
 
 @dataclass(frozen=True)
@@ -284,18 +258,20 @@ class Objective(Comparison):
         Model of law, noise and speckle that gives the baseline; None without a baseline.
     misfit : type of Misfit, or None
         Misfit of the pixels in incidence-angle bins; None for an objective without bins.
+    prior : CurvePrior or None
+        Prior on the curve of the law.
+    classes : Classes
+        Bins of the measured pixels, with the effective sample size for differences between target and run.
     """
 
     misfit: ClassVar[type[Misfit] | None] = None
+    prior: CurvePrior | None = None
+    classes: Classes
     expected: LawForward | None = None
 
     def __init__(self, material: CalibratedMaterial) -> None:
         self.material = material
         self.passes = (self,)
-
-    @abstractmethod
-    def measured_bins(self) -> MeasuredBins:
-        """Measured pixels of the material, with the statistics that are compared."""
 
     @abstractmethod
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:

@@ -18,7 +18,6 @@ from radcal.inference.pooled_laws import curve_prior, law_prior, limited
 from radcal.objectives.base import (
     CalibratedMaterial,
     Doubles,
-    MeasuredBins,
     Objective,
     PredictedPoints,
     Progress,
@@ -45,7 +44,7 @@ class Bins(Objective):
         bins, target = material.target.classes, material.target
         if bins is None:
             raise MeasurementError(f"the target of {material.name} has no incidence-angle bins; make it again.")
-        self.bins, self.free_looks = bins, bins.free_looks
+        self.bins, self.classes, self.free_looks = bins, bins.classes, bins.free_looks
         self.ground = limited(target.ground, bins.classes.member)
         self.method = Method(
             material.law,
@@ -58,7 +57,7 @@ class Bins(Objective):
             incidence_error_deg=bins.incidence_error_deg,
         )
         self._misfit = self.misfit.of(self.ground, bins.classes, self.method, bins.spread)
-        self._prior = curve_prior(self.ground, self.method)
+        self.prior, self._priors = law_prior(self.ground, self.method), curve_prior(self.ground, self.method)
         self.explores = not material.law.has_curve
         if material.law.has_curve:
             expected = self.expected = LawForward(material.law, bins.classes.nodes_deg, material.looks, target.noise_db)
@@ -68,7 +67,7 @@ class Bins(Objective):
     @cached_property
     def moments(self) -> BinMisfit:
         """Misfit of mean, log sd and skewness in each bin, also if the objective minimises another misfit."""
-        return BinMisfit.of(self.ground, self.bins.classes, self.method, self.bins.spread)
+        return BinMisfit.of(self.ground, self.classes, self.method, self.bins.spread)
 
     @property
     def of_fields(self) -> BinMisfit | None:
@@ -80,12 +79,6 @@ class Bins(Objective):
         """Standard deviations of mean [dB], log sd and skewness of the measured bins, shape (n, 3)."""
         return np.asarray(np.sqrt(np.diag(self.moments.covariance)).reshape(3, -1).T)
 
-    def measured_bins(self) -> MeasuredBins:
-        """Measured pixels of the material, with the statistics of their incidence-angle bins."""
-        measured = from_cumulants(self.bins.classes.cumulants)
-        prior = law_prior(self.ground, self.method)
-        return MeasuredBins(self.ground, self.bins.classes, self.method, measured, prior)
-
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the pixels in each bin, shape (n, 3)."""
         return from_cumulants(self.bins.cumulants(values_db, pixels))
@@ -96,14 +89,14 @@ class Bins(Objective):
         each = zip(to_cumulants(points.statistics), points.parameters, points.looks, slack, strict=True)
         return np.stack(
             [
-                np.concatenate([self._misfit(x, float(n), simulated, part), self._prior(x, float(n))])
+                np.concatenate([self._misfit(x, float(n), simulated, part), self._priors(x, float(n))])
                 for simulated, x, n, part in each
             ]
         )
 
     def parts(self, points: PredictedPoints) -> Doubles:
         """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
-        n = self.bins.classes.size
+        n = self.classes.size
         squares = self.residuals(points) ** 2
         first, second, weak = np.split(squares, [n, 3 * n], axis=1)
         return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
@@ -168,8 +161,8 @@ class Likelihood(Bins):
 
     def parts(self, points: PredictedPoints) -> Doubles:
         """Sums of squared residuals: bins of small incidence with priors, and bins of large incidence, shape (m, 2)."""
-        n = self.bins.classes.size
-        weak = self._prior(self.material.box.mean(axis=1), self.material.looks).size
+        n = self.classes.size
+        weak = self._priors(self.material.box.mean(axis=1), self.material.looks).size
         squares = self.residuals(points) ** 2
         data = squares.shape[1] - weak
         half = n // 2 * (data // n)

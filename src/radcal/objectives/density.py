@@ -12,13 +12,12 @@ from radcal import skewnormal
 from radcal.config import Stop
 from radcal.ground.bins import Classes
 from radcal.inference.expected import LawForward
-from radcal.inference.misfit import Method, drawn
+from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.inference.pooled_laws import bins_of
 from radcal.objectives.base import (
     CalibratedMaterial,
     Doubles,
-    MeasuredBins,
     Objective,
     PredictedPoints,
     Progress,
@@ -58,23 +57,15 @@ class Density(Objective):
             self.baseline = lambda x: from_cumulants(expected(x))
 
     @cached_property
-    def _method(self) -> Method:
-        return Method(self.material.law, self.material.box, self.material.looks, classes=1)
-
-    @cached_property
-    def _classes(self) -> Classes:
-        return bins_of(self.material.target.ground, 1)
+    def classes(self) -> Classes:
+        """Bin of all pixels of the target."""
+        # the simulated pixels have their own speckle, which adds to the variance of the difference
+        return bins_of(self.material.target.ground, 1).compared(1)
 
     @property
     def scale(self) -> Doubles:
         """Standard errors of mean, log sd and skewness of n normal values, times sqrt(n), shape (1, 3)."""
         return np.array([[np.exp(self._target[1]), np.sqrt(0.5), np.sqrt(6.0)]])
-
-    def measured_bins(self) -> MeasuredBins:
-        """Measured pixels and the centred parameters of their density."""
-        # the simulated pixels have their own speckle, which adds to the variance of the difference
-        ground = self.material.target.ground
-        return MeasuredBins(ground, self._classes.compared(1), self._method, self._target[None], None)
 
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:
         """Mean [dB], log sd and skewness of the density fitted to the pixels, shape (1, 3)."""

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.inference.shared_fields import SharedFields
+from radcal.inference.shared_fields import together
 from radcal.objectives.base import Comparison, Doubles, Objective, PredictedPoints
 from radcal.objectives.history import Score
 from radcal.speckle.texture import equal_texture
@@ -39,19 +39,21 @@ class Joint(Comparison):
         self.free_looks, self.refines = first.free_looks, first.refines
         self.explores = any(part.explores for part in self._parts)
         self.looks_ahead, self.tolerance, self.improvement = first.looks_ahead, first.tolerance, first.improvement
-        self.starts = [(x, self._back(part, looks)) for part in self._parts for x, looks in part.starts]
+        # effective looks in the first pass of a material that has the start's looks in the pass of the part
+        self.starts = [
+            (x, equal_texture(part.material.looks, looks, self.material.looks))
+            for part in self._parts
+            for x, looks in part.starts
+        ]
         bases = [part.baseline for part in self._parts]
         known = [base for base in bases if base is not None]
         if len(known) == len(bases):
             self.baseline = lambda x: np.concatenate([base(x) for base in known], axis=-2)
         self._ends = np.cumsum([len(part.scale) for part in self._parts])[:-1]
         fields = [part.of_fields for part in self._parts]
-        shown = [one for one in fields if one is not None]
-        self._minimised = SharedFields(shown) if len(shown) == len(fields) else None
-
-    def _back(self, part: Objective, looks: float) -> float:
-        """Effective looks in the first pass of a material that has ``looks`` in the pass of ``part``."""
-        return equal_texture(part.material.looks, looks, self.material.looks)
+        self._fields = [one for one in fields if one is not None]
+        shared = len(self._fields) == len(fields) > 1
+        self._joined = together(self._fields) if shared else None
 
     def _there(self, part: Objective, looks: float) -> float:
         """Effective looks in the pass of ``part`` of a material that has ``looks`` in the first pass."""
@@ -84,12 +86,12 @@ class Joint(Comparison):
     def residuals(self, points: PredictedPoints) -> Doubles:
         """Residuals of the statistics of all passes, followed by the residuals of the priors, shape (m, k)."""
         found = [part.residuals(at) for part, at in self._split(points)]
-        if self._minimised is None:
+        if self._joined is None:
             return np.concatenate(found, axis=1)
         sizes = [3 * len(part.scale) for part in self._parts]
-        data = [one[:, :size] for one, size in zip(found, sizes, strict=True)]
-        rest = [one[:, size:] for one, size in zip(found, sizes, strict=True)]
-        return np.concatenate([self._minimised.residuals(data), *rest], axis=1)
+        data, rest = zip(*(np.split(one, [size], axis=1) for one, size in zip(found, sizes, strict=True)), strict=True)
+        away = [misfit.differences(own) for misfit, own in zip(self._fields, data, strict=True)]
+        return np.concatenate([self._joined.whitened(np.concatenate(away, axis=-2)), *rest], axis=1)
 
     def parts(self, points: PredictedPoints) -> Doubles:
         """Sum of squared residuals of each pass, computed from this pass alone, shape (m, passes)."""
@@ -101,7 +103,7 @@ class Joint(Comparison):
 
     def cost(self, points: PredictedPoints) -> Doubles:
         """Cost of all passes together, shape (m,)."""
-        if self._minimised is not None:
+        if self._joined is not None:
             return super().cost(points)
         return self.first.together(np.stack([part.cost(at) for part, at in self._split(points)]))
 

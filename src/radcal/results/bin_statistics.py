@@ -110,7 +110,7 @@ def prior_draws(comparison: Comparison, rng: np.random.Generator) -> Doubles:
     low, high = comparison.material.box.T
     x = low + rng.random((_TRIED, low.size)) * (high - low)
     x = np.where(comparison.material.integer, np.round(x), x)
-    prior = next(part for part in comparison.passes if part is not None).measured_bins().prior
+    prior = next(part for part in comparison.passes if part is not None).prior
     if prior is None:
         return np.asarray(x[:_KEPT])
     log = -0.5 * (prior.of_curves(curves_of(prior.law, x, np.radians(prior.angles_deg)), x) ** 2).sum(axis=1)
