@@ -129,7 +129,7 @@ BAD = [
     ({"scene": {"source": "buitlin"}}, ["scene.source is 'buitlin'", "'builtin'", "'slant_range'"]),
     (flat(near_incidence_deg=50), ["scene", "near_incidence_deg (50)", "far_incidence_deg (40)"]),
     ({"scene": {"source": "raster"}}, ["scene.elevation is missing"]),
-    (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds are [0, 2, 1, 1]", "south < north"]),
+    (mapped(bounds=[0, 2, 1, 1]), ["scene", "bounds: are [0, 2, 1, 1]", "south < north"]),
     # materials
     ({"materials": {"dyke": None}}, ["materials.dyke is empty"]),
     ({"materials": {"a/b": {"calibrate": True}}}, ["materials", "'a/b'"]),

@@ -6,7 +6,7 @@ import os
 import re
 import shutil
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
 
@@ -128,54 +128,46 @@ def missing_inputs(case: Case, files: dict[str, Path]) -> list[tuple[str, Config
 def _sources(case: Case) -> Iterator[tuple[str, Callable[[str], dict[str, Path]]]]:
     """Configuration keys, each with the function that finds its input files."""
     scene = case.scene
-    of_scene: list[tuple[str, str | None, str, Callable[..., list[Path]], bool]] = [
-        *((name, getattr(scene, name), "a raster", _with_raster, False) for name in scene.rasters),
-        *((name, getattr(scene, name), "a file", _with_vectors, False) for name in scene.tables),
-        *((name, getattr(scene, name), "a database", partial(_in_folder, scene), True) for name in scene.folders),
+
+    def raster(path: Path) -> list[Path]:
+        return [path, *raster_files(path, vrt_folders(scene))]
+
+    def table(path: Path) -> list[Path]:
+        return [path, *vector_files(path)]
+
+    of_scene: list[tuple[str, str | None, str, Callable[[Path], list[Path]], bool]] = [
+        *((name, getattr(scene, name), "a raster", raster, False) for name in scene.rasters),
+        *((name, getattr(scene, name), "a file", table, False) for name in scene.tables),
+        *((name, getattr(scene, name), "a database", scene.files_in, True) for name in scene.folders),
     ]
     if scene.on_ground:
-        of_scene.append(("objects.path", scene.on_ground.path, "vectors", _with_vectors, False))
-        of_scene.append(("objects.cross_sections", scene.on_ground.cross_sections, "a file", _with_vectors, False))
+        of_scene.append(("objects.path", scene.on_ground.path, "vectors", table, False))
+        of_scene.append(("objects.cross_sections", scene.on_ground.cross_sections, "a file", table, False))
     for name, text, called, files, folder in of_scene:
         if text is not None:
-            yield f"scene.{name}", partial(_found, text, scene, called, files, folder)
+            yield f"scene.{name}", partial(_found, text, called, files, folder)
     for number, one in enumerate(case.passes, start=1):
         if isinstance(image := one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"
             reader = reader_of(image.path)
-            of_pass = partial(reader.files, polarisation=one.radar.polarisation)
-            yield key, partial(_found, image.path, image, reader.called, of_pass, reader.folder)
+            files = partial(_of_image, image, one.radar.polarisation)
+            yield key, partial(_found, image.path, reader.called, files, reader.folder)
     if isinstance(case.simulator, CommandSimulation):
         yield "simulator", partial(_simulator_files, case.simulator)
 
 
-def _found(
-    text: str,
-    config: SceneSection | FileMeasurement,
-    called: str,
-    files: Callable[..., list[Path]],
-    folder: bool,
-    key: str,
-) -> dict[str, Path]:
-    """Path of a key, and paths of the other files that are read with it, by a function of path and VRT folders."""
+def _found(text: str, called: str, files: Callable[[Path], list[Path]], folder: bool, key: str) -> dict[str, Path]:
+    """Path of a key, and paths of the other files that are read with it."""
     path = expand_path(text, key, folder=folder)
     try:
-        first, *others = files(path, folders=vrt_folders(config))
+        first, *others = files(path)
     except ValueError as error:
         raise ConfigError(f"{key}: {path} cannot be read as {called} ({error}).") from None
     return {key: first} | {f"{key}.{k}": other for k, other in enumerate(others)}
 
 
-def _with_raster(path: Path, folders: Sequence[Path]) -> list[Path]:
-    return [path, *raster_files(path, folders)]
-
-
-def _in_folder(scene: SceneSection, path: Path, folders: Sequence[Path]) -> list[Path]:  # noqa: ARG001 - of mosaics
-    return scene.files_in(path)
-
-
-def _with_vectors(path: Path, folders: Sequence[Path]) -> list[Path]:  # noqa: ARG001 - of mosaics
-    return [path, *vector_files(path)]
+def _of_image(image: FileMeasurement, polarisation: str, path: Path) -> list[Path]:
+    return reader_of(image.path).files(path, polarisation, vrt_folders(image))
 
 
 def check_reuse(case: Case, results: str | Path) -> None:

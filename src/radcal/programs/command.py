@@ -21,13 +21,14 @@ from radcal.config import CommandSimulation
 from radcal.config.inputs import executable_path
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
-from radcal.programs.command_plan import CommandPlan, check_image_shape
+from radcal.programs.command_plan import CommandPlan, check_image_shape, handed
 from radcal.programs.placeholders import SEED
 from radcal.programs.process import output_tail, run_program
 from radcal.reading.arrays import read_array
 from radcal.reading.images import NOT_FINITE, ImageFile, Values, reading, to_db
 from radcal.sections.simulator import Output
 from radcal.storage.files import atomic, case_folder, working_folder
+from radcal.storage.runs import Parameters
 
 if TYPE_CHECKING:
     from radcal.radar.geometry import Geometry
@@ -102,7 +103,7 @@ class CommandSimulator:
             "sha256": self._plan.hashes(),
         }
 
-    def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+    def run(self, parameters: Parameters, noise_seed: int) -> NDArray[np.float32]:
         """Run the program; after a failure, repeat the run up to ``retries`` times.
 
         Parameters
@@ -162,7 +163,7 @@ class CommandSimulator:
                 else:
                     shutil.rmtree(folder, ignore_errors=True)
 
-    def write_input(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> list[Path]:
+    def write_input(self, folder: Path, parameters: Parameters, noise_seed: int) -> list[Path]:
         """Write the input files and the command line of a run, each file atomically, without starting the program.
 
         Parameters
@@ -180,17 +181,11 @@ class CommandSimulator:
         command, texts = self._filled(folder.absolute(), parameters, noise_seed)
         return _write(folder, {**texts, "command.txt": (shlex.join(command) + "\n").encode()})
 
-    def _filled(
-        self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int
-    ) -> tuple[list[str], dict[str, bytes]]:
+    def _filled(self, folder: Path, parameters: Parameters, noise_seed: int) -> tuple[list[str], dict[str, bytes]]:
         """Command line of a run in a folder, and content of each input file by file name."""
         config = self._config
         output = folder / config.output.file
-        values: dict[str, float | int | str] = {
-            f"{name}.{key}": x
-            for name, material in self._materials.items()
-            for key, x in material.handed(parameters[name]).items()
-        }
+        values: dict[str, float | int | str] = {**handed(self._materials, parameters)}
         values |= {SEED: noise_seed, "output": str(output), "folder": str(folder), "geometry": str(self._geometry_path)}
         values["python"] = str(executable_path("{python}", "simulator.command", {}))
         texts: dict[str, bytes] = {}
@@ -200,7 +195,7 @@ class CommandSimulator:
         texts |= {file: marked.filled(values).encode("latin-1") for marked, file in self._plan.templates}
         return [str(self._plan.executable), *(marked.filled(values) for marked in self._plan.arguments)], texts
 
-    def _attempt(self, folder: Path, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
+    def _attempt(self, folder: Path, parameters: Parameters, noise_seed: int) -> NDArray[np.float32]:
         config = self._config
         output = folder / config.output.file
         command, texts = self._filled(folder, parameters, noise_seed)
@@ -221,9 +216,8 @@ class CommandSimulator:
         try:
             return self._image(output)
         except SimulatorError as error:
-            own = {f"{name}.{key}": x for name in self._calibrated
-                   for key, x in self._materials[name].handed(parameters[name]).items()}  # fmt: skip
-            at = ", ".join(f"{key} = {x:.6g}" for key, x in own.items())
+            own = {name: self._materials[name] for name in self._calibrated}
+            at = ", ".join(f"{key} = {x:.6g}" for key, x in handed(own, parameters).items())
             missing = isinstance(error.about, WrongNumbers) and error.about.what == NOT_FINITE
             raise SimulatorError(
                 f"{str(error).removesuffix('.')}, in the run with {at}{_MEND * missing}", error.about
@@ -255,16 +249,18 @@ class CommandSimulator:
                 )
         return np.ascontiguousarray(image)
 
-    def _input_text(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> str:
+    def _input_text(self, parameters: Parameters, noise_seed: int) -> str:
         assert self._config.input is not None  # noqa: S101 - asked by the caller
-        data = {
+        toml = self._config.input.format == "toml"  # which has no null
+        data: dict[str, Any] = {
             SEED: noise_seed,
             "output": self._config.output.file,
             "shape": list(self._geometry.shape),
             "parameters": {name: material.handed(parameters[name]) for name, material in self._materials.items()},
-            **({"radar": self._radar.model_dump(mode="json")} if self._config.input.radar else {}),
         }
-        return toml_text(data) if self._config.input.format == "toml" else json.dumps(data, indent=1) + "\n"
+        if self._config.input.radar:
+            data["radar"] = self._radar.model_dump(mode="json", exclude_none=toml)
+        return tomli_w.dumps(data) if toml else json.dumps(data, indent=1) + "\n"
 
     def _version(self, words: Sequence[str]) -> str:
         """Version that the program of ``version_command`` prints."""
@@ -288,15 +284,6 @@ def _write(folder: Path, texts: Mapping[str, bytes]) -> list[Path]:
         with atomic(folder / name) as partial:
             partial.write_bytes(content)
     return [folder / name for name in texts]
-
-
-def toml_text(data: Mapping[str, Any]) -> str:
-    """TOML text of plain data; entries with the value None are omitted, because TOML has no such value."""
-
-    def written(table: Mapping[str, Any]) -> dict[str, Any]:
-        return {k: written(v) if isinstance(v, Mapping) else v for k, v in table.items() if v is not None}
-
-    return tomli_w.dumps(written(data))
 
 
 def read_raw(file: ImageFile, config: Output, shape: tuple[int, int]) -> Values:

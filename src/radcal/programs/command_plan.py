@@ -17,6 +17,13 @@ from radcal.programs.seed_width import check_seeds
 from radcal.programs.written_numbers import check_numbers
 from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.files import file_sha256
+from radcal.storage.runs import Parameters
+
+
+def handed(materials: Mapping[str, Material], parameters: Parameters) -> dict[str, float | int]:
+    """Parameters X of materials, by the names of their placeholders, as :meth:`.Material.handed` passes them."""
+    each = {name: material.handed(parameters[name]) for name, material in materials.items()}
+    return {f"{name}.{key}": x for name, own in each.items() for key, x in own.items()}
 
 
 class CommandPlan:
@@ -41,11 +48,7 @@ class CommandPlan:
         self.executable = executable_path(config.command[0], "simulator.command", config.environment)
         self.files = [expand_path(text, f"simulator.files.{k}") for k, text in enumerate(config.files)]
         self.links = [expand_path(text, f"simulator.links.{k}", folder=True) for k, text in enumerate(config.links)]
-        parameters = {
-            f"{name}.{key}": x
-            for name, material in materials.items()
-            for key, x in material.handed(material.start_parameters).items()
-        }
+        parameters = handed(materials, {name: material.start_parameters for name, material in materials.items()})
         known: dict[str, float | int | str] = {**parameters, SEED: 1}
         paths = dict.fromkeys(("output", "folder", "geometry", "python"), "")
         if config.input is not None:

@@ -7,7 +7,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import Field, SerializeAsAny, model_validator
+from pydantic import AfterValidator, Field, SerializeAsAny, model_validator
 
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.reading.cdb import BASE_MATERIALS, cdb_files
@@ -23,6 +23,13 @@ _SOURCE = "source of the scene: builtin, slant_range, raster, vectors or cdb; ea
 DBSM_LIMITS = (-100.0, 70.0)  # 70 dBsm (10 km2) is more than any object has; larger numbers must be square metres
 WALL_DB_LIMITS = (-60.0, 30.0)  # sigma0 of walls [dB]
 _CROSS_SECTIONS = "table of cross-sections over aspect and elevation angle: .csv or .h5"
+
+
+def _ordered(bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    west, south, east, north = bounds
+    if not (west < east and south < north):
+        raise ValueError(f"are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north")
+    return bounds
 
 
 class Permittivity(Section):
@@ -179,7 +186,7 @@ class GridScene(SceneSection):
         "metres, else UTM",
     )
     cell_m: Length | None = Field(None, description="cell size of the scene [m]; by default that of the elevation")
-    bounds: tuple[Coordinate, Coordinate, Coordinate, Coordinate] | None = Field(
+    bounds: Annotated[tuple[Coordinate, Coordinate, Coordinate, Coordinate], AfterValidator(_ordered)] | None = Field(
         None,
         description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of the rasters",
     )
@@ -193,11 +200,6 @@ class GridScene(SceneSection):
     )
     vrt_folders: VrtFolders = None
     objects: Objects = None
-
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _check_bounds(self.bounds)
-        return self
 
 
 class RasterScene(GridScene):
@@ -257,7 +259,7 @@ class CdbScene(SceneSection):
     on_map = True
     source: Literal["cdb"] = Field("cdb", description=_SOURCE)
     root: str = Field(description="folder of the database, which contains the folder Tiles")
-    bounds: tuple[Longitude, Latitude, Longitude, Latitude] = Field(
+    bounds: Annotated[tuple[Longitude, Latitude, Longitude, Latitude], AfterValidator(_ordered)] = Field(
         description="[west, south, east, north] of the scene, on WGS 84 [deg]"
     )
     materials: str = Field(
@@ -274,11 +276,6 @@ class CdbScene(SceneSection):
         None, description="vertical datum of the heights; by default the WGS 84 ellipsoid, as the standard says"
     )
 
-    @model_validator(mode="after")
-    def _ordered(self) -> Self:
-        _check_bounds(self.bounds)
-        return self
-
     def files_in(self, folder: Path) -> list[Path]:
         """Files of the tiles that overlap the bounds, and the list of base materials.
 
@@ -291,15 +288,6 @@ class CdbScene(SceneSection):
         if not tiles:
             raise ValueError(f"it has no tile within scene.bounds {list(self.bounds)}, expected Tiles/N32/W118/...")
         return [*tiles, *(path for path in [folder / BASE_MATERIALS] if path.is_file())]
-
-
-def _check_bounds(bounds: tuple[float, float, float, float] | None) -> None:
-    """Raise an error if bounds are not in the order west, south, east, north."""
-    if bounds is not None and not (bounds[0] < bounds[2] and bounds[1] < bounds[3]):
-        west, south, east, north = bounds
-        raise Wrong(
-            "bounds", f" are [{west:g}, {south:g}, {east:g}, {north:g}], expected west < east and south < north"
-        )
 
 
 SCENES: Plugins[HasSection] = Plugins(

@@ -39,6 +39,10 @@ class PythonSimulation(Section):
         Whether the simulator uses no seed.
     seed_bits : int or None
         Number of bits of the seeds that the case gives.
+    seed_width : int
+        Number of bits of the noise seed of a run.
+    not_told : frozenset of str
+        Keys of ``radar`` that the simulator does not receive.
     """
 
     own: ClassVar[bool] = False
@@ -46,6 +50,8 @@ class PythonSimulation(Section):
     deterministic: ClassVar[bool | None] = True
     seedless: ClassVar[bool] = False
     seed_bits: ClassVar[int | None] = None
+    seed_width: ClassVar[int] = 63
+    not_told: ClassVar[frozenset[str]] = frozenset()
     kind: str = Field(description=_KIND)
     keep_images: KeepImages = False
     draws: Draws = Field(1, description=_DRAWS)
@@ -64,16 +70,6 @@ class PythonSimulation(Section):
     def longest_run_s(self) -> float:
         """Upper limit of the duration of a run [s], far above the usual duration."""
         return 900.0 * self.draws
-
-    @property
-    def seed_width(self) -> int:
-        """Number of bits of the noise seed of a run."""
-        return 63
-
-    @property
-    def not_told(self) -> frozenset[str]:
-        """Keys of ``radar`` that the simulator does not receive: an empty set for a simulator in Python."""
-        return frozenset()
 
 
 class BuiltinSimulation(PythonSimulation):

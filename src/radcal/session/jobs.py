@@ -6,7 +6,6 @@ import gc
 import logging
 import os
 import sys
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -16,7 +15,7 @@ from typing import Any, NoReturn
 from radcal.config.stages import STAGES
 from radcal.errors import RadcalError
 from radcal.processes import die_with_parent
-from radcal.session.terminal import guard
+from radcal.session.terminal import Repeated, guard
 from radcal.storage.files import alive
 from radcal.storage.provenance import provenance
 
@@ -158,8 +157,8 @@ def _say(text: str) -> None:
         sys.stderr.flush()
 
 
-class Follower:
-    """Thread that prints the lines of the progress file on the terminal; jobs on other machines write this file.
+class Follower(Repeated):
+    """Printer of the lines of the progress file on the terminal; jobs on other machines write this file.
 
     Parameters
     ----------
@@ -173,19 +172,12 @@ class Follower:
         self._path.parent.mkdir(parents=True, exist_ok=True)
         self._path.write_bytes(b"")
         self._shown = 0
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._follow, daemon=True)
-        self._thread.start()
+        super().__init__(self._show)
 
     def stop(self) -> None:
         """Print the remaining lines of the progress file, and end the thread."""
-        self._ended.set()
-        self._thread.join()
+        super().stop()
         self._show()
-
-    def _follow(self) -> None:
-        while not self._ended.wait(1.0):
-            self._show()
 
     def _show(self) -> None:
         try:

@@ -26,7 +26,7 @@ from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS,
 from radcal.session.replacement import check_replacement
 from radcal.session.salvage import files_of, salvage, simulator_change
 from radcal.session.slurm import cancel_leftovers, remember
-from radcal.session.terminal import BAR, Bar, Guarded, Messages, can_draw, guard, write_protected
+from radcal.session.terminal import BAR, Bar, Guarded, Messages, Repeated, can_draw, guard, write_protected
 from radcal.storage.files import unwritable
 from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import REPLACE, read_json
@@ -166,8 +166,7 @@ class Session:
                 )
         self.case, self.inputs = case, dict(inputs or {})
         self._lock = CaseLock(self.folder)
-        self._follower: Follower | None = None
-        self._bar: Bar | None = None
+        self._shown: list[Repeated] = []
         self._failure = (self.folder / "logs" / "failure.txt").absolute()
         self._slurm = self.folder / ".slurm"
         self._started = remote
@@ -231,20 +230,16 @@ class Session:
         self._failure.unlink(missing_ok=True)
         self._started = True
         if remote_jobs:
-            self._follower = Follower(self._progress)
+            self._shown.append(Follower(self._progress))
         if cluster is not None:
             remember(self._slurm, cluster)
         if isinstance(sys.stderr, Guarded) and can_draw(sys.stderr):
-            self._bar = Bar(sys.stderr, self._foot)
+            self._shown.append(Bar(sys.stderr, self._foot))
 
     def end(self, failed: bool = False) -> None:
         """Release the lock after the last job; after a failure, Ctrl-C or SIGTERM, also print how to continue."""
-        if self._bar is not None:
-            self._bar.stop()
-            self._bar = None
-        if self._follower is not None:
-            self._follower.stop()
-            self._follower = None
+        while self._shown:
+            self._shown.pop().stop()
         self._slurm.unlink(missing_ok=True)
         self._lock.release()
         runs = self.folder / "runs"

@@ -19,7 +19,6 @@ from contextlib import suppress
 from typing import Any, TextIO
 
 BAR = "RADCAL_BAR"  # environment variable of a command that shows a bar, and of its jobs
-_RENEWED_S = 1.0
 _ERASE = "\r\x1b[2K"  # back to the start of the line, which is cleared
 
 
@@ -82,8 +81,33 @@ class Guarded:
         return getattr(self._stream, name)
 
 
-class Bar:
-    """Thread that shows one line at the foot of the terminal, of this process and of its jobs, and renews it.
+class Repeated:
+    """Thread that calls a function every second.
+
+    Parameters
+    ----------
+    act : callable
+        The function.
+    """
+
+    def __init__(self, act: Callable[[], None]) -> None:
+        self._act = act
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._repeat, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread."""
+        self._ended.set()
+        self._thread.join()
+
+    def _repeat(self) -> None:
+        while not self._ended.wait(1.0):
+            self._act()
+
+
+class Bar(Repeated):
+    """One line at the foot of the terminal, of this process and of its jobs, which is renewed every second.
 
     Several processes write lines to the terminal, each of which erases the bar first (:data:`BAR`).
 
@@ -98,21 +122,17 @@ class Bar:
     def __init__(self, stream: Guarded, text: Callable[[], str]) -> None:
         self._stream, self._text = stream, text
         os.environ[BAR] = "1"
-        self._ended = threading.Event()
-        self._thread = threading.Thread(target=self._renew, daemon=True)
-        self._thread.start()
+        super().__init__(self._renew)
 
     def stop(self) -> None:
         """Erase the bar."""
-        self._ended.set()
-        self._thread.join()
+        super().stop()
         self._stream.draw("")
         del os.environ[BAR]
 
     def _renew(self) -> None:
-        while not self._ended.wait(_RENEWED_S):
-            with suppress(OSError):  # the results folder was deleted
-                self._stream.draw(self._text()[: shutil.get_terminal_size().columns - 1])
+        with suppress(OSError):  # the results folder was deleted
+            self._stream.draw(self._text()[: shutil.get_terminal_size().columns - 1])
 
 
 def can_draw(stream: TextIO | Guarded) -> bool:

@@ -74,21 +74,14 @@ class Runner:
         first: Radar | None = None,
     ) -> None:
         self.passes: Sequence[Runner] = (self,)
-        self._store = store
-        self._simulator = simulator
-        self._geometry = geometry
-        self._scene_identity = scene_identity
-        self._radar: Radar = case.radar
-        self._origin = SIMULATORS.origin(case.simulator.kind)
-        self._not_told = case.simulator.not_told
+        self._store, self._simulator = store, simulator
+        self._geometry, self._scene_identity, self._case = geometry, scene_identity, case
         first = first or case.radar
         self._laws = {
             name: _law_description(material, first, case.radar, case.seed) for name, material in case.materials.items()
         }
         self._textures = orders_of(case.materials, first, case.radar)
-        self._seed, self._fresh = case.seed, seed_of_noise(case, fresh=True)
-        self._recorded = case.calibrated
-        self._keep_images = case.simulator.keep_images
+        self._fresh, self._recorded = seed_of_noise(case, fresh=True), case.calibrated
 
     @property
     def identity(self) -> Mapping[str, Any]:
@@ -98,13 +91,14 @@ class Runner:
     def description(self, parameters: Parameters, noise_seed: int, repeat: bool = False) -> dict[str, Any]:
         """Plain data that determine the pixel values of a run, and whose hash is the hash of the run."""
         # If no frequency is configured, the key is omitted, so that runs from before the key existed keep their hashes.
-        left_out = self._not_told | ({"frequency_ghz"} if self._radar.frequency_ghz is None else set())
+        radar, simulator = self._case.radar, self._case.simulator
+        left_out = simulator.not_told | ({"frequency_ghz"} if radar.frequency_ghz is None else set())
         radius = self._geometry.earth_radius_m
         return {
-            "simulator": {**self._simulator.identity, **self._origin},
+            "simulator": {**self._simulator.identity, **SIMULATORS.origin(simulator.kind)},
             "scene": self._scene_identity,
             "pass": {
-                **{key: value for key, value in self._radar.described().items() if key not in left_out},
+                **{key: value for key, value in radar.described().items() if key not in left_out},
                 **({} if radius is None else {"earth_radius_m": radius}),
             },
             "materials": {
@@ -179,7 +173,7 @@ class Runner:
         assert isinstance(self._simulator, Looks)  # noqa: S101 - required before
         none_db = np.zeros(self._geometry.shape, dtype=np.float32)
         fresh = noise_seed == self._fresh
-        texture_db = with_textures(none_db, self._geometry, self._textures, self._seed, fresh)
+        texture_db = with_textures(none_db, self._geometry, self._textures, self._case.seed, fresh)
         for look in self._simulator.looks(parameters, noise_seed):
             yield look * 10.0 ** (texture_db / np.float32(20.0))
 
@@ -205,7 +199,7 @@ class Runner:
             raise SimulatorError(
                 f"run {key}: the simulator's image has {image_db.shape} pixels, expected {self._geometry.shape}."
             )
-        image_db = with_textures(image_db, self._geometry, self._textures, self._seed, noise_seed == self._fresh)
+        image_db = with_textures(image_db, self._geometry, self._textures, self._case.seed, noise_seed == self._fresh)
         pixels = {name: image_db.ravel()[self._geometry.pixels(name)] for name in self._recorded}
         for name, values in pixels.items():
             if not np.isfinite(values).all():
@@ -213,6 +207,6 @@ class Runner:
                     f"run {key}: {np.count_nonzero(~np.isfinite(values))} of {values.size} pixels of {name!r} are not "
                     f"finite at {name} = {list(parameters[name])}."
                 )
-        record = Record(key, pixels, image_db if image or self._keep_images else None, seconds)
+        record = Record(key, pixels, image_db if image or self._case.simulator.keep_images else None, seconds)
         self._store.put(record, description)
         return record
