@@ -14,9 +14,9 @@ from raster_files import write_raster
 from typer.testing import CliRunner
 
 from radcal.cli import app
+from radcal.cli.simulate import forward_case
 from radcal.config import Radar, load_forward
 from radcal.errors import ConfigError
-from radcal.newcase.forward_case import forward_case
 from radcal.products import PRODUCTS, applied
 from radcal.products.simulated import forward
 from radcal.sections.ppi import Products

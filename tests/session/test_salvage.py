@@ -12,10 +12,6 @@ from radcal.storage.provenance import provenance
 from radcal.storage.records import write_hdf5, write_json
 from radcal.storage.runs import Record, RunStore
 
-PATTERNS = (
-    *("scene.h5", "passes/{p}/reference.json", "scores.json", "design/{chunk}.json", "iterations/{k}/proposal.json"),
-    *("figures", "runs.csv", "table.json", "report.json"),
-)
 KEYS = [f"{digit}" * 20 for digit in "abcdef"]
 INDEXES = ("passes/1/reference.json", "design/0.json", "design/1.json")
 
@@ -55,14 +51,14 @@ def test_sound_files_and_those_that_no_rule_makes_stay(out):
     (out / "notes.json").write_text("{}")
     (out / "mine.h5").write_text("nothing")
     before = names(out)
-    assert salvage(out, "tiny", PATTERNS) == []
+    assert salvage(out, "tiny") == []
     assert names(out) == before
 
 
 @pytest.mark.parametrize("name", ["scene.h5", "iterations/0/proposal.json", "design/1.json", "report.json"])
 def test_damaged_files_are_set_aside(out, name):
     flip(out / name, np.random.default_rng(3))
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence.startswith(f"{out / name}: is damaged")
     assert "it is made again where needed" in sentence
     assert not (out / name).exists()
@@ -81,16 +77,16 @@ def test_files_at_the_place_of_an_earlier_version_are_removed(out):
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).touch()
     before = names(out)
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence.startswith(f"{out}: the files of pass 1 lie in passes/1 now; those of an earlier ")
     assert names(out) == before - earlier
     assert {path.name for path in (out / "passes/2").iterdir()} == {"geometry.h5"}
-    assert salvage(out, "tiny", PATTERNS) == []
+    assert salvage(out, "tiny") == []
 
 
 def test_a_lost_run_takes_its_index_with_it(out):
     (out / f"runs/{KEYS[2]}.h5").unlink()
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence == (
         f"{out}/runs/{KEYS[2]}.h5: the run is not there, though design/0.json lists it; it alone is made again where "
         "needed."
@@ -104,7 +100,7 @@ def test_all_runs_lost_are_one_sentence_with_their_number(out):
     (out / "runs").rmdir()
     with provenance("tiny"):
         write_json(out / "scores.json", [{"key": key, "rms": {}} for key in KEYS])
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence == (
         f"{out}/runs: 6 runs are not there, though passes/1/reference.json, scores.json, design/0.json and 1 more list "
         "them; they alone are made again where needed."
@@ -118,7 +114,7 @@ def test_a_folder_in_the_place_of_a_record_is_noticed(out):
     for done in (f"; set aside as {KEYS[4]}.damaged", ", and cannot be set aside (Directory not empty); remove it"):
         path.mkdir()
         (path / "mine.txt").touch()
-        said, *_ = salvage(out, "tiny", PATTERNS)
+        said, *_ = salvage(out, "tiny")
         assert said.startswith(f"{path}: is a folder or a device, expected a file{done}")
     assert (path / "mine.txt").exists()
 
@@ -126,7 +122,7 @@ def test_a_folder_in_the_place_of_a_record_is_noticed(out):
 def test_a_record_under_the_name_of_another_is_noticed(out):
     first, second = (out / f"runs/{key}.h5" for key in KEYS[1:3])
     second.write_bytes(first.read_bytes())
-    sentences = salvage(out, "tiny", PATTERNS)
+    sentences = salvage(out, "tiny")
     assert sentences[0].startswith(f"{second}: holds the run {KEYS[1]}, expected {KEYS[2]}; set aside as ")
     assert "design/0.json lists it" in sentences[1]
     assert first.is_file()
@@ -141,7 +137,7 @@ def test_a_record_under_the_name_of_another_is_noticed(out):
 )
 def test_changed_pages_are_set_aside_and_made_again(out, name, listing):
     (out / name).write_text("another\n")
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence.startswith(f"{out / name}: is damaged or was changed (it differs from its checksum); set aside as ")
     assert (out / f"{Path(name).name}.damaged").read_text() == "another\n"
     # without it the rule that makes both runs again
@@ -155,7 +151,7 @@ def test_a_list_that_names_files_elsewhere_leaves_them_alone(out, name):
     name = name.format(out=out)
     with provenance("tiny"):
         write_json(out / "report.json", {"checksums": {"report.html": "0" * 64, name: "0" * 64}})
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence.startswith(f"{out / 'report.json'}: names {name!r}, expected a file below {out}; set aside as ")
     assert sorted(path.name for path in out.parent.iterdir()) == ["notes.txt", "tiny"]
     assert (out / "report.damaged").is_file()
@@ -165,7 +161,7 @@ def test_a_list_that_names_files_elsewhere_leaves_them_alone(out, name):
 def test_missing_pages_are_one_sentence(out):
     for name in ("report.html", "figures/law.png", "figures/law.pdf"):
         (out / name).unlink()
-    (sentence,) = salvage(out, "tiny", PATTERNS)
+    (sentence,) = salvage(out, "tiny")
     assert sentence == (f"{out}/report.html, {out}/figures/law.png, {out}/figures/law.pdf are missing, and made again.")
     assert not (out / "report.json").exists()
     assert (out / "table.json").is_file()

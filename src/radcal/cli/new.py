@@ -48,25 +48,18 @@ def _name(option: str) -> str:
     return option.split(",")[0].strip("-").replace("-", "_")
 
 
-def _parameters() -> dict[str, inspect.Parameter]:
-    """Arguments and options of ``radcal new``, which typer reads from the signature of ``main``."""
-    types: dict[str, Any] = {
-        "case": Annotated[str, typer.Argument(metavar="CASE", help="YAML file to write, or a name.")],
-    }
+def _signature() -> inspect.Signature:
+    """Argument and options of ``radcal new``, as typer reads them from the signature of ``main``."""
+    types: dict[str, Any] = {}
     for line in TEMPLATE.values():
         if line.option:
             option = typer.Option(*line.option.split(","), help=line.comment, show_default=False)
             types[_name(line.option)] = Annotated[_KINDS[line.kind] | None, option]
-    return {
-        name: inspect.Parameter(
-            name,
-            inspect.Parameter.KEYWORD_ONLY,
-            annotation=kind,
-            default=inspect.Parameter.empty if name == "case" else None,
-        )
-        for name, kind in types.items()
-    }
+    argument = Annotated[str, typer.Argument(metavar="CASE", help="YAML file to write, or a name.")]
+    keyword = inspect.Parameter.KEYWORD_ONLY
+    options = [inspect.Parameter(name, keyword, annotation=kind, default=None) for name, kind in types.items()]
+    return inspect.Signature([inspect.Parameter("case", keyword, annotation=argument), *options])
 
 
-main.__signature__ = inspect.Signature(list(_parameters().values()))  # type: ignore[attr-defined]
-main.__annotations__ = {name: one.annotation for name, one in _parameters().items()} | {"return": None}
+main.__signature__ = _signature()  # type: ignore[attr-defined]
+main.__annotations__ = {name: one.annotation for name, one in _signature().parameters.items()} | {"return": None}

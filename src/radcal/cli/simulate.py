@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
 from radcal.cli.arguments import Results, Settings, overrides, sentences
 from radcal.products import PRODUCTS
+
+if TYPE_CHECKING:
+    from radcal.config.part import Part
 
 
 def main(
@@ -62,7 +66,6 @@ def main(
       radcal simulate config/mine.yaml --product complex
       radcal simulate config/mine.yaml --product gmti --draws 20
     """  # noqa: D301 - click keeps the lines that follow \b
-    from radcal.newcase.forward_case import forward_case
     from radcal.products.simulated import simulate
 
     with sentences():
@@ -79,3 +82,45 @@ def main(
         members = [] if archive is None else members_of(archive, found, draws)
         lines = simulate(found, out or folder / "simulated", folder / "runs", replace, product, members)
         typer.echo("\n".join([*remarks, *lines]))
+
+
+def forward_case(
+    file: Path, overrides: Mapping[str, Any] | None = None, materials: Path | None = None
+) -> tuple[Part, list[str]]:
+    """Case of a forward run, in which materials of another file may replace materials of the same names.
+
+    Parameters
+    ----------
+    file : path
+        Case file.
+    overrides : mapping, optional
+        Keys that the command line changes.
+    materials : path, optional
+        File with a section ``materials``.
+
+    Returns
+    -------
+    case : Part
+        Sections that a forward run needs.
+    remarks : list of str
+        Sentences on the materials that keep the case's own law, and on those at their starting parameters.
+
+    Raises
+    ------
+    ConfigError
+        As for :func:`radcal.config.load_forward`.
+    """
+    from radcal.config import expand_path, load_forward
+    from radcal.config.yaml_file import read_case_file
+
+    case, remarks = load_forward([file], overrides, materials), []
+    if materials is not None:
+        others = read_case_file(expand_path(str(materials), "--materials"))["materials"]
+        if kept := [name for name in case.materials if name not in others]:
+            remarks.append(
+                f"{materials} has the laws of {', '.join(others)}; the other materials keep the laws of {file}: "
+                f"{', '.join(kept)}."
+            )
+    if case.calibrated:
+        remarks.append(f"Simulated at the start, because of calibrate: true: {', '.join(case.calibrated)}.")
+    return case, remarks

@@ -15,14 +15,17 @@ from radcal.tables.landcover import starting_keys
 _DRAWS_IN_BINS = 4
 
 
+def _kind(data: dict[str, Any]) -> Any:
+    simulator = data.get("simulator")
+    return simulator.get(TAGS["simulator"]) if isinstance(simulator, dict) else None
+
+
 def with_fitting_stop(data: dict[str, Any]) -> dict[str, Any]:
     """Case data in which ``stop.at_sampling_error`` is true by default for an external program without ``stop.rms``."""
-    stop, simulator = data.get("stop", {}), data.get("simulator")
-    # a section that is already a model contains this default
+    stop = data.get("stop", {})
     if not isinstance(stop, dict) or "rms" in stop or "at_sampling_error" in stop:
         return data
-    kind = simulator.get("kind") if isinstance(simulator, dict) else getattr(simulator, "kind", None)
-    return {**data, "stop": {**stop, "at_sampling_error": True}} if kind == "command" else data
+    return {**data, "stop": {**stop, "at_sampling_error": True}} if _kind(data) == "command" else data
 
 
 def with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
@@ -31,19 +34,16 @@ def with_fitting_draws(data: dict[str, Any]) -> dict[str, Any]:
     bins = isinstance(objective, str) and objective in OBJECTIVES and OBJECTIVES[objective].bins
     if not isinstance(simulator, dict) or "draws" in simulator or not bins:
         return data
-    tag = TAGS["simulator"]
-    if simulator.get(tag, "builtin") != "builtin":
+    if simulator.get(TAGS["simulator"], "builtin") != "builtin":
         return data
-    return {**data, "simulator": {**simulator, tag: "builtin", "draws": _DRAWS_IN_BINS}}
+    return {**data, "simulator": {**simulator, TAGS["simulator"]: "builtin", "draws": _DRAWS_IN_BINS}}
 
 
 def with_fitting_measurement(data: dict[str, Any]) -> dict[str, Any]:
     """Case data with the default case's measurement, for a case with the default scene, materials and simulator."""
-    simulator = data.get("simulator", {})
-    kind = simulator.get(TAGS["simulator"]) if isinstance(simulator, dict) else getattr(simulator, "kind", None)
     if "materials" in data:
         return _with_fitting_truth(data)
-    if kind == "command" or any(section in data for section in ("measurement", "scene")):
+    if _kind(data) == "command" or any(section in data for section in ("measurement", "scene")):
         return data
     return {**data, "measurement": SyntheticMeasurement(synthetic=default_synthetic())}
 
@@ -77,7 +77,7 @@ def _with_truth(measurement: Any, hidden: list[float]) -> Any:
 def with_starting_laws(data: dict[str, Any]) -> dict[str, Any]:
     """Case data with starting laws for materials that a land-cover map names and for which the case gives no law."""
     scene, materials = data.get("scene"), data.get("materials")
-    landcover = scene.get("landcover") if isinstance(scene, dict) else getattr(scene, "landcover", None)
+    landcover = scene.get("landcover") if isinstance(scene, dict) else None
     if not isinstance(landcover, str) or not isinstance(materials, dict):
         return data
     found = {

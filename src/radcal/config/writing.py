@@ -15,14 +15,9 @@ _HEADER = """\
 """
 
 
-def default_case() -> Case:
-    """Case in which every key has its default value."""
-    return Case()
-
-
 def default_yaml() -> str:
     """Text of ``config/config.yaml``: the default case as YAML with comments."""
-    return _HEADER + "\n" + "\n".join(_lines(default_case())) + "\n"
+    return _HEADER + "\n" + "\n".join(_lines(Case())) + "\n"
 
 
 def _lines(section: BaseModel, indent: str = "") -> list[str]:

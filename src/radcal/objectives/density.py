@@ -57,7 +57,7 @@ class Density(Objective):
             self.baseline = lambda x: from_cumulants(expected(x))
 
     @cached_property
-    def classes(self) -> Classes:
+    def classes(self) -> Classes:  # type: ignore[override]  # made when it is first asked for
         """Bin of all pixels of the target."""
         # the simulated pixels have their own speckle, which adds to the variance of the difference
         return bins_of(self.material.target.ground, 1).compared(1)

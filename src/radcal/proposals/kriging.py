@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.errors import SurrogateError
 
+Doubles = NDArray[np.float64]
+
 _LOG_SD = 1.0  # log standard deviation of the prior of a length scale; its median is 1, the width of the box
 # starts of the searches for the length scales, in widths of the box: the first start of each group and, if it is
 # another one, the start of the group with the highest posterior density; outputs that vary fast or hardly at all have
@@ -71,15 +73,15 @@ class Kriging:
         freedom = self._y.shape[1] * (len(self._x) - 1)
         self.process = float((left * self._weights).sum() / freedom) if freedom else 0.0
 
-    def _correlation(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _correlation(self, points: Doubles) -> Doubles:
         away = (points[:, None] - self._x) / self._scales
         return np.asarray(np.exp(-0.5 * (away**2).sum(axis=-1)))
 
-    def mean(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def mean(self, points: Doubles) -> Doubles:
         """Predicted outputs, shape (m, n), at points of the unit box, shape (m, d)."""
         return np.asarray(self._constant + self._correlation(points) @ self._weights)
 
-    def variance(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def variance(self, points: Doubles) -> Doubles:
         """Variance of the prediction error at points, shape (m, d) to (m,); it is the same for all outputs."""
         near = self._correlation(points)
         known = (near * scipy.linalg.cho_solve(self._factor, near.T).T).sum(axis=1)
@@ -87,7 +89,7 @@ class Kriging:
         return np.asarray(self.process * np.maximum(1.0 - known + trend, 0.0))
 
     @cached_property
-    def _projected(self) -> NDArray[np.float64]:
+    def _projected(self) -> Doubles:
         """Inverse of the correlation matrix, projected so that the constant of the outputs is left out."""
         inverse = scipy.linalg.cho_solve(self._factor, np.eye(len(self._x)))
         return np.asarray(inverse - np.outer(self._ones, self._ones) / self._ones.sum())
@@ -100,7 +102,7 @@ class Kriging:
         standardised = self.leave_one_out() ** 2 * np.diag(self._projected)[:, None] / self.process
         return max(1.0, float(standardised.mean()))
 
-    def leave_one_out(self) -> NDArray[np.float64]:
+    def leave_one_out(self) -> Doubles:
         """Error of the prediction of each point from all other points, with unchanged length scales, shape (k, n).
 
         References
@@ -110,7 +112,7 @@ class Kriging:
         return np.asarray(self._projected @ self._y / np.diag(self._projected)[:, None])
 
 
-def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: NDArray[np.float64]) -> float:
+def baseline_factor(x: Doubles, y: Doubles, baseline: Doubles) -> float:
     """Factor of the baseline in y(x) = factor * baseline(x) + constant + Gaussian process, for one output.
 
     Generalised least squares with a length scale of one width of the box; the prior of the factor is normal, with mean
@@ -142,9 +144,7 @@ def baseline_factor(x: NDArray[np.float64], y: NDArray[np.float64], baseline: ND
     return factor
 
 
-def train(
-    x: NDArray[np.float64], y: NDArray[np.float64], noise_variance: float | None = 0.0
-) -> tuple[NDArray[np.float64], float]:
+def train(x: Doubles, y: Doubles, noise_variance: float | None = 0.0) -> tuple[Doubles, float]:
     """Length scales and nugget that maximise their posterior density, from a few starts of the search.
 
     The prior of a length scale is log-normal; its median is the width of the box, and its log standard deviation is 1.
@@ -201,9 +201,7 @@ def train(
     return np.asarray(scales), nugget
 
 
-def _of_many(
-    x: NDArray[np.float64], y: NDArray[np.float64], limits: list[tuple[float, float]]
-) -> tuple[NDArray[np.float64], float]:
+def _of_many(x: Doubles, y: Doubles, limits: list[tuple[float, float]]) -> tuple[Doubles, float]:
     """Length scales and nugget of many points without noise.
 
     Many points predict a smooth output better than a nugget of 1e-10 allows: on 420 points, a nugget of 1e-14 lowers
@@ -222,9 +220,7 @@ def _of_many(
     return np.exp(found.x), nugget
 
 
-def _minus_log_posterior(
-    log: NDArray[np.float64], squares: NDArray[np.float64], y: NDArray[np.float64], nugget: float
-) -> tuple[float, NDArray[np.float64]]:
+def _minus_log_posterior(log: Doubles, squares: Doubles, y: Doubles, nugget: float) -> tuple[float, Doubles]:
     """Negative logarithm of the product of restricted likelihood and prior, with its gradient.
 
     The gradient is taken with respect to the logarithms of the length scales and, if it is estimated, of the nugget.

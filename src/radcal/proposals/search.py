@@ -20,6 +20,8 @@ from radcal.proposals.nsga2 import nsga2
 from radcal.proposals.surrogate import Surrogate
 from radcal.seeds import derived_seed
 
+Doubles = NDArray[np.float64]
+
 _FAVOUR = 2.0  # standard errors by which the surrogate's statistics may err towards the target
 _STARTS = 12
 _SMALLEST = 1e-9  # radius of a trust region; least squares need bounds that differ
@@ -48,7 +50,7 @@ class Search:
         self._d = len(objective.material.box)
         self.dimension = self._d + objective.free_looks
 
-    def point(self, parameters: ArrayLike, looks: float) -> NDArray[np.float64]:
+    def point(self, parameters: ArrayLike, looks: float) -> Doubles:
         """Point of the unit box at given X and looks, shape (dimension,)."""
         unit = self.surrogate.unit(parameters)
         if not self.objective.free_looks:
@@ -56,36 +58,36 @@ class Search:
         low, high = self._looks
         return np.append(unit, np.clip((np.log(looks) - low) / (high - low), 0.0, 1.0))
 
-    def split(self, points: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def split(self, points: Doubles) -> tuple[Doubles, Doubles]:
         """Parameters X, shape (m, d), and looks, shape (m,), at points of the unit box."""
         x = self.surrogate.scaled(points[:, : self._d])
         if not self.objective.free_looks:
             return x, np.full(len(points), self.objective.material.looks)
         return x, np.exp(self._looks[0] + points[:, self._d] * (self._looks[1] - self._looks[0]))
 
-    def _at(self, points: NDArray[np.float64], favour: float) -> PredictedPoints:
+    def _at(self, points: Doubles, favour: float) -> PredictedPoints:
         unit = points[:, : self._d]
         slack = favour * self.surrogate.standard_error(unit) if favour > 0.0 else 0.0
         return PredictedPoints(self.surrogate.predict(unit), *self.split(points), slack)
 
-    def cost(self, points: ArrayLike, favour: float = 0.0) -> NDArray[np.float64]:
+    def cost(self, points: ArrayLike, favour: float = 0.0) -> Doubles:
         """Predicted cost at points of the unit box, shape (m, dimension) to (m,)."""
         return self.objective.cost(self._at(np.atleast_2d(np.asarray(points, dtype=np.float64)), favour))
 
-    def distance(self, points: NDArray[np.float64], favour: float = 0.0) -> NDArray[np.float64]:
+    def distance(self, points: Doubles, favour: float = 0.0) -> Doubles:
         """Sum of squared residuals at points of the unit box, shape (m, dimension) to (m,)."""
         return np.asarray((self.objective.residuals(self._at(points, favour)) ** 2).sum(axis=1))
 
-    def uncertainty(self, point: NDArray[np.float64]) -> float:
+    def uncertainty(self, point: Doubles) -> float:
         """Sum of squares of the surrogate's standard errors at one point, each divided by the objective's ``scale``."""
         error = self.surrogate.standard_error(point[None, : self._d])[0]
         return float(((error / self.objective.scale) ** 2).sum())
 
-    def snapped(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def snapped(self, points: Doubles) -> Doubles:
         """Points with their whole-number parameters rounded, shape (m, dimension)."""
         return np.concatenate([self.surrogate.snapped(points[:, : self._d]), points[:, self._d :]], axis=1)
 
-    def polish(self, start: NDArray[np.float64], favour: float = 0.0, radius: float = np.inf) -> NDArray[np.float64]:
+    def polish(self, start: Doubles, favour: float = 0.0, radius: float = np.inf) -> Doubles:
         """Point that least squares find from a start; if residuals remain, further searches reduce the cost.
 
         Whole-number parameters are first treated as continuous, and then rounded down and up. For each rounding, the
@@ -116,22 +118,13 @@ class Search:
         found = [self._polished(corner, favour, low, high, free) for corner in around]
         return min(found, key=lambda u: (self.cost(u, favour)[0], self.distance(u[None], favour)[0]))
 
-    def _polished(
-        self,
-        start: NDArray[np.float64],
-        favour: float,
-        low: NDArray[np.float64],
-        high: NDArray[np.float64],
-        free: NDArray[np.bool_],
-    ) -> NDArray[np.float64]:
+    def _polished(self, start: Doubles, favour: float, low: Doubles, high: Doubles, free: NDArray[np.bool_]) -> Doubles:
         """Point that least squares find in the ``free`` coordinates; the other coordinates keep their values."""
         best = start
         if not free.any():
             return best
 
-        def of(
-            what: Callable[[PredictedPoints], NDArray[np.float64]], part: NDArray[np.float64]
-        ) -> NDArray[np.float64]:
+        def of(what: Callable[[PredictedPoints], Doubles], part: Doubles) -> Doubles:
             full = np.repeat(start[None], len(part), axis=0)
             full[:, free] = part
             return what(self._at(full, favour))
@@ -147,8 +140,8 @@ class Search:
         return best
 
     def minimum(
-        self, starts: Sequence[NDArray[np.float64]], seed: int, favour: float = 0.0, count: int = _STARTS
-    ) -> tuple[NDArray[np.float64], float]:
+        self, starts: Sequence[Doubles], seed: int, favour: float = 0.0, count: int = _STARTS
+    ) -> tuple[Doubles, float]:
         """Point with the smallest predicted cost, from a multi-start search.
 
         Parameters
@@ -186,10 +179,10 @@ class Search:
                 break
         return best, least
 
-    def _starts(self, best: Score) -> list[NDArray[np.float64]]:
+    def _starts(self, best: Score) -> list[Doubles]:
         return [self.point(*start) for start in ((best.parameters, best.looks), *self.objective.starts)]
 
-    def without_trend(self, best: Score, seed: int) -> tuple[NDArray[np.float64], float] | None:
+    def without_trend(self, best: Score, seed: int) -> tuple[Doubles, float] | None:
         """Better X that follows if the discrepancy of the best run holds everywhere, while the runs leave this open.
 
         Kriging continues changes of the discrepancy from run to run. Along the directions in which no two runs differ,
@@ -317,7 +310,7 @@ class Search:
         direct = config.objective == "rms"
         goals = 1 if direct else len(self.objective.part_names)
 
-        def minimised(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        def minimised(points: Doubles) -> Doubles:
             at = self._at(self.snapped(points), 0.0)
             return self.objective.cost(at)[:, None] if direct else self.objective.parts(at)
 
@@ -329,7 +322,7 @@ class Search:
             front = Front(x.tolist(), looks.tolist(), population.objectives[population.front].tolist())
         nsga2_cost = float(self.cost(first)[0])
 
-        def proposal(point: NDArray[np.float64], mode: str, floor: float | None = None) -> Proposal:
+        def proposal(point: Doubles, mode: str, floor: float | None = None) -> Proposal:
             """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
             if self.surrogate.integer.any() and not self._fresh(point):
                 if floor is not None and not self.objective.leaves_open(floor, best.cost):
@@ -383,10 +376,10 @@ class Search:
             return proposal(hopeful, "explore", floor=floor)
         return proposal(point, "exploit", floor=floor)
 
-    def _promising(self, points: Sequence[NDArray[np.float64]], best: Score) -> NDArray[np.bool_]:
+    def _promising(self, points: Sequence[Doubles], best: Score) -> NDArray[np.bool_]:
         return self.objective.promising(np.array([float(self.cost(point)[0]) for point in points]), best.cost)
 
-    def _fresh(self, point: NDArray[np.float64]) -> bool:
+    def _fresh(self, point: Doubles) -> bool:
         """Whether the X of a point has not been simulated yet."""
         known = self.surrogate.unit(self.surrogate.parameters)
         return bool(np.abs(known - point[: self._d]).max(axis=1).min() > SAME)

@@ -6,11 +6,12 @@ import contextlib
 import logging
 import re
 import shutil
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from radcal.config import Case
+from radcal.config.stages import OUTPUTS
 from radcal.errors import DamagedError, StoreError
 from radcal.radar import simulator_version
 from radcal.storage.files import clamp_future_mtimes
@@ -38,21 +39,13 @@ _EARLIER = (
 logger = logging.getLogger(__name__)
 
 
-def files_of(folder: str | Path, patterns: Iterable[str]) -> Iterator[Path]:
-    """Existing files whose paths match the outputs of the workflow rules.
-
-    Parameters
-    ----------
-    folder : path
-        ``results/<case>``.
-    patterns : iterable of str
-        Paths relative to the folder, in which ``{name}`` stands for any text.
-    """
-    for pattern in patterns:
+def files_of(folder: str | Path) -> Iterator[Path]:
+    """Existing files below ``results/<case>`` whose paths match the outputs of the workflow rules."""
+    for pattern in OUTPUTS:
         yield from sorted(Path(folder).glob(re.sub(r"\{[^}]*\}", "*", pattern)))
 
 
-def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]:
+def salvage(folder: str | Path, case: str) -> list[str]:
     """Rename damaged files of a results folder, and remove each index of runs that lists a missing run.
 
     Files that an earlier version of radcal wrote to another place are removed. Modification times in the future, which
@@ -68,8 +61,6 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
     case : str
         Name of the case. Files of another case are also renamed, except run records, because a run
         with the same key is valid in every case.
-    patterns : iterable of str
-        Outputs of the workflow rules, in the form that :func:`files_of` expects.
 
     Returns
     -------
@@ -79,7 +70,7 @@ def salvage(folder: str | Path, case: str, patterns: Iterable[str]) -> list[str]
     folder = Path(folder)
     clamp_future_mtimes(folder)
     sentences = _remove_earlier(folder)
-    sealed = [path for path in files_of(folder, patterns) if path.suffix in (".h5", ".json")]
+    sealed = [path for path in files_of(folder) if path.suffix in (".h5", ".json")]
     with provenance(case):
         contents = {path: _contents(path, sentences) for path in sealed}
     for path, data in contents.items():

@@ -15,7 +15,6 @@ from typing import Any
 from radcal.config import Case
 from radcal.config.inputs import check_reuse
 from radcal.config.loading import load_with_inputs
-from radcal.config.stages import OUTPUTS
 from radcal.config.yaml_file import settings
 from radcal.errors import RadcalError, StoreError
 from radcal.forecast.runs_and_time import standing
@@ -199,7 +198,7 @@ class Session:
         A message is also printed if the version of the built-in simulator has changed since the earlier runs.
         """
         try:
-            sentences = salvage(self.folder, self.case.case, OUTPUTS)
+            sentences = salvage(self.folder, self.case.case)
         except OSError as error:
             path, why = error.filename or self.folder, error.strerror or error
             leave(f"{path} cannot be read ({why}); results are there, so make it readable.")
@@ -273,7 +272,7 @@ class Session:
             if (path := unwritable(folder)) is not None:
                 return f"{path} cannot be written (Permission denied); {what} go there, so make it writable."
         # Snakemake detects a write-protected file only when the job that writes it starts, perhaps after hours
-        for path in files_of(self.folder, OUTPUTS):
+        for path in files_of(self.folder):
             if not os.access(path, os.W_OK):
                 return write_protected(path)
         return None
