@@ -109,17 +109,6 @@ def test_a_stage_of_several_passes_is_made_in_each(build_case):
     assert files[2:] == [f"found/two/design/{k}.json" for k in range(4)]
 
 
-def test_runs_are_reused_of_a_case_that_is_named(clone, started):
-    for target in ("reuse", "results/mine/reused.json"):
-        assert refused("mine.yaml", target) == (
-            f"the target '{target}' takes runs of an earlier case, and design.reuse of case mine is missing, expected "
-            "the earlier case's name: --set design.reuse=NAME."
-        )
-    assert started == []
-    run("mine.yaml", "reuse", "--set", "design.reuse=older")
-    assert "results/mine/reused.json" in started[0]
-
-
 def test_a_profile_of_the_current_folder_is_taken_before_radcals(clone, started, monkeypatch):
     (clone / "elsewhere/profiles/slurm").mkdir(parents=True)
     monkeypatch.chdir(clone / "elsewhere")

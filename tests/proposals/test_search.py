@@ -117,7 +117,7 @@ def test_a_floor_that_keeps_the_stop_criterion_from_being_met_is_explored(edge):
     """The same floor, where the objective's stop asks for less: another run at the best X would tell nothing."""
     unit, rms = edge
     found = search(BEYOND, Exact((unit,), error=0.012))
-    found.objective.leaves_open = lambda floor, best: floor < 0.995 * best
+    found.objective.first.leaves_open = lambda floor, best: floor < 0.995 * best
     assert found.propose(QUICK, 1, scored(unit, rms)).mode == "explore"
 
 
@@ -160,7 +160,7 @@ def test_failures_keep_every_other_proposal_near_the_best():
     """A trust region around the best verified point, half as wide after each second failure."""
     best = scored([0.9, 0.9, 0.1], 0.12)
     found = search(REACHABLE, Exact(known=[best.parameters]))
-    found.objective.promising = lambda costs, _: np.ones(len(costs), dtype=bool)
+    found.objective.first.promising = lambda costs, _: np.ones(len(costs), dtype=bool)
     away = [
         np.abs(np.array(found.propose(QUICK, 1, best, failures).parameters) - best.parameters).max()
         for failures in range(6)
@@ -168,7 +168,7 @@ def test_failures_keep_every_other_proposal_near_the_best():
     np.testing.assert_allclose(away[1::2], [0.25, 0.125, 0.0625], rtol=1e-6)
     np.testing.assert_allclose(away[::2], 0.6, atol=1e-5)
     # where nothing better is promised inside of it, the whole box is searched
-    found.objective.promising = lambda costs, _: costs < 1e-6
+    found.objective.first.promising = lambda costs, _: costs < 1e-6
     assert np.abs(np.array(found.propose(QUICK, 1, best, 1).parameters) - best.parameters).max() > 0.5
 
 

@@ -12,13 +12,18 @@ from radcal.storage.provenance import provenance
 from radcal.storage.records import write_hdf5, write_json
 from radcal.storage.runs import Record, RunStore
 
+PATTERNS = (
+    *("scene.h5", "passes/{p}/reference.json", "scores.json", "design/{chunk}.json", "iterations/{k}/proposal.json"),
+    *("figures", "runs.csv", "table.json", "report.json"),
+)
 KEYS = [f"{digit}" * 20 for digit in "abcdef"]
 INDEXES = ("passes/1/reference.json", "design/0.json", "design/1.json")
 
 
 @pytest.fixture
-def out(tmp_path):
+def out(tmp_path, monkeypatch):
     """A results folder of six runs, listed by three indexes."""
+    monkeypatch.setattr("radcal.session.salvage.OUTPUTS", PATTERNS)
     folder = tmp_path / "tiny"
     store = RunStore(folder / "runs")
     with provenance("tiny"):

@@ -71,7 +71,7 @@ def score(
     for name, (statistics, looks, cost) in found.items():
         of_passes = [PassScore(one[name][0].tolist(), one[name][1]) if name in one else None for one in densities]
         if cost is None:
-            cost = float(objectives[name].together(np.array([one.rms for one in of_passes if one is not None])))
+            cost = float(objectives[name].first.together(np.array([one.rms for one in of_passes if one is not None])))
         scores[name] = Score(
             parameters=[float(x) for x in parameters[name]],
             densities=of_passes,

@@ -133,8 +133,7 @@ def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[s
     Raises
     ------
     ConfigError
-        A target is neither a stage outside the loop nor a path with a slash, or is the stage ``reuse`` of a case that
-        names no earlier case.
+        A target is neither a stage outside the loop nor a path with a slash.
     """
     from radcal.config.stages import STAGES
     from radcal.errors import ConfigError
@@ -152,11 +151,6 @@ def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[s
             )
         if target not in rules and "/" not in target:
             raise ConfigError(f"there is no target {target!r}{nearest(target, rules)}.")
-        if case.design.reuse is None and Path(target).name in ("reuse", first["reuse"]):
-            raise ConfigError(
-                f"the target {target!r} takes runs of an earlier case, and design.reuse of case {case.case} is "
-                "missing, expected the earlier case's name: --set design.reuse=NAME."
-            )
         files = STAGES[target].files(case) if target in STAGES else []
         found += [f"{results / case.case}/{path}" for path in files] or [target]
     return found

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+
+import yaml
 from pydantic import BaseModel
 
 from radcal.config.case import Case
@@ -38,18 +41,24 @@ def _lines(section: BaseModel, indent: str = "") -> list[str]:
                 lines += [f"{indent}  {key}:", *_lines(item, indent + "    ")]
         else:
             comment = f"  # {field.description}" if field.description else ""
-            lines.append(f"{indent}{name}: {_inline(value)}{comment}")
+            lines.append(f"{indent}{name}: {inline(value)}{comment}")
     return lines
 
 
-def _inline(value: object) -> str:
-    """YAML of a plain value on one line; 1e-05 is written as 1.0e-05, because YAML 1.1 reads 1e-05 as text."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{key}: {_inline(item)}" for key, item in value.items()) + "}"
-    if isinstance(value, list | tuple):
-        return "[" + ", ".join(_inline(item) for item in value) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float) and "e" in repr(value):
-        return f"{value:.1e}"
-    return f"{value:g}" if isinstance(value, float) and value == round(value) and abs(value) < 1e6 else str(value)
+class _Dumper(yaml.SafeDumper):
+    """PyYAML's safe dumper, which writes whole numbers without a decimal point."""
+
+
+def _number(dumper: _Dumper, x: float) -> yaml.Node:
+    return dumper.represent_int(int(x)) if x.is_integer() else dumper.represent_float(x)
+
+
+_Dumper.add_representer(float, _number)
+
+
+def inline(value: object) -> str:
+    """YAML of plain data on one line."""
+    text = yaml.dump(
+        value, Dumper=_Dumper, default_flow_style=True, sort_keys=False, allow_unicode=True, width=math.inf
+    )
+    return text.removesuffix("\n").removesuffix("\n...")

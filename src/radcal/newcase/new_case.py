@@ -14,6 +14,7 @@ import yaml
 from radcal.bands import WIDTH_FACTOR, letter_band
 from radcal.config import Uncertainty
 from radcal.config.loading import Loaded
+from radcal.config.writing import inline
 from radcal.errors import ConfigError
 from radcal.image.acquisition import radar_keys
 from radcal.newcase.file_facts import (
@@ -350,14 +351,8 @@ def _lines(data: Mapping[str, Any], comments: Mapping[str, str], above: str = ""
     lines = []
     for key, value in data.items():
         place, section = f"{above}{key}", isinstance(value, dict) and value
-        text = f"{indent}{_scalar(key)}:" + ("" if section else f" {_scalar(value)}")
+        text = f"{indent}{inline(key)}:" + ("" if section else f" {inline(value)}")
         lines.append(text + (f"  # {comments[place]}" if comments.get(place) else ""))
         if section:
             lines += _lines(value, comments, f"{place}.", f"{indent}  ")
     return lines
-
-
-def _scalar(value: Any) -> str:
-    value = int(value) if isinstance(value, float) and value.is_integer() else value
-    text = yaml.safe_dump(value, default_flow_style=True, allow_unicode=True, width=math.inf)
-    return text.removesuffix("\n").removesuffix("\n...")

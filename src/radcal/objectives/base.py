@@ -163,6 +163,8 @@ class Comparison(ABC):
         Relative tolerance of the least-squares search.
     improvement : float
         Decrease of the cost that a run must exceed to be better than earlier runs.
+    first : Objective
+        Objective of the first pass, whose rules hold for all passes.
     passes : sequence of Objective or None
         Objective of each pass, None for a pass in which the material has too few pixels.
     part_names : sequence of str
@@ -178,6 +180,7 @@ class Comparison(ABC):
     looks_ahead: bool = False
     tolerance: float = 1e-14
     improvement: float = 0.0
+    first: Objective
     passes: Sequence[Objective | None]
     part_names: Sequence[str] = ("all residuals",)
 
@@ -207,10 +210,6 @@ class Comparison(ABC):
         """Cost of predicted statistics, shape (m,): half the sum of squared residuals."""
         return np.asarray(0.5 * (self.residuals(points) ** 2).sum(axis=1))
 
-    def together(self, costs: Doubles) -> Doubles:
-        """Cost of several passes together: sum of the costs of the passes, shape (passes, m) to (m,)."""
-        return np.asarray(costs.sum(axis=0))
-
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Number of looks that minimises the cost of a run, and this cost; None if the cost is the density rms."""
         x = np.asarray(parameters, dtype=np.float64)[None]
@@ -226,14 +225,6 @@ class Comparison(ABC):
             lambda log: at(float(np.exp(log))), bounds=bounds, method="bounded", options={"xatol": 1e-6}
         )
         return float(np.exp(found.x)), float(found.fun)
-
-    @abstractmethod
-    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Mask of the predicted costs that are worth a run and about equally good, shape (m,)."""
-
-    @abstractmethod
-    def leaves_open(self, floor: float, best: float) -> bool:
-        """Whether the search goes on because its floor is clearly below the best verified cost."""
 
     @abstractmethod
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
@@ -270,8 +261,19 @@ class Objective(Comparison):
     expected: LawForward | None = None
 
     def __init__(self, material: CalibratedMaterial) -> None:
-        self.material = material
-        self.passes = (self,)
+        self.material, self.first, self.passes = material, self, (self,)
+
+    def together(self, costs: Doubles) -> Doubles:
+        """Cost of several passes together: sum of the costs of the passes, shape (passes, m) to (m,)."""
+        return np.asarray(costs.sum(axis=0))
+
+    @abstractmethod
+    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
+        """Mask of the predicted costs that are worth a run and about equally good, shape (m,)."""
+
+    @abstractmethod
+    def leaves_open(self, floor: float, best: float) -> bool:
+        """Whether the search goes on because its floor is clearly below the best verified cost."""
 
     @abstractmethod
     def statistics(self, values_db: Doubles, pixels: NDArray[np.int64] | None = None) -> Doubles:

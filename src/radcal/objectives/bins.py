@@ -15,14 +15,7 @@ from radcal.inference.expected import LawForward
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
 from radcal.inference.pooled_laws import curve_prior, law_prior, limited
-from radcal.objectives.base import (
-    CalibratedMaterial,
-    Doubles,
-    Objective,
-    PredictedPoints,
-    Progress,
-    SearchState,
-)
+from radcal.objectives.base import CalibratedMaterial, Doubles, Objective, PredictedPoints, Progress, SearchState
 from radcal.objectives.history import History
 
 _SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
@@ -95,11 +88,14 @@ class Bins(Objective):
         )
 
     def parts(self, points: PredictedPoints) -> Doubles:
-        """Squares of the means with the priors, and of the other statistics, shape (m, 2)."""
-        n = self.classes.size
+        """Sums of squared residuals: first part with the priors, and second part, shape (m, 2)."""
         squares = self.residuals(points) ** 2
-        first, second, weak = np.split(squares, [n, 3 * n], axis=1)
+        first, second, weak = np.split(squares, self._ends(squares.shape[1]), axis=1)
         return np.stack([first.sum(axis=1) + weak.sum(axis=1), second.sum(axis=1)], axis=-1)
+
+    def _ends(self, count: int) -> tuple[int, int]:
+        """Ends of the residuals of the two parts, which those of the priors follow."""
+        return self.classes.size, 3 * self.classes.size
 
     def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
         """Mask of the costs that are clearly below the best verified cost, and about as good as the smallest one."""
@@ -159,12 +155,7 @@ class Likelihood(Bins):
     misfit: ClassVar[type[Misfit]] = LikelihoodMisfit
     part_names = ("pixels of small incidence, priors", "pixels of large incidence")
 
-    def parts(self, points: PredictedPoints) -> Doubles:
-        """Sums of squared residuals: bins of small incidence with priors, and bins of large incidence, shape (m, 2)."""
+    def _ends(self, count: int) -> tuple[int, int]:
         n = self.classes.size
-        weak = self._priors(self.material.box.mean(axis=1), self.material.looks).size
-        squares = self.residuals(points) ** 2
-        data = squares.shape[1] - weak
-        half = n // 2 * (data // n)
-        first, second, rest = np.split(squares, [half, data], axis=1)
-        return np.stack([first.sum(axis=1) + rest.sum(axis=1), second.sum(axis=1)], axis=-1)
+        data = count - self._priors(self.material.box.mean(axis=1), self.material.looks).size
+        return n // 2 * (data // n), data

@@ -15,14 +15,7 @@ from radcal.inference.expected import LawForward
 from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.inference.pooled_laws import bins_of
-from radcal.objectives.base import (
-    CalibratedMaterial,
-    Doubles,
-    Objective,
-    PredictedPoints,
-    Progress,
-    SearchState,
-)
+from radcal.objectives.base import CalibratedMaterial, Doubles, Objective, PredictedPoints, Progress, SearchState
 from radcal.objectives.history import History
 
 UNREACHABLE_SHARE = 0.9  # share of the best verified rms; with a floor above it, no X is clearly better

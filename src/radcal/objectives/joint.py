@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from radcal.inference.shared_fields import together
 from radcal.objectives.base import Comparison, Doubles, Objective, PredictedPoints
@@ -107,22 +107,10 @@ class Joint(Comparison):
             return super().cost(points)
         return self.first.together(np.stack([part.cost(at) for part, at in self._split(points)]))
 
-    def together(self, costs: Doubles) -> Doubles:
-        """Cost of all passes together, from the cost of each pass."""
-        return self.first.together(costs)
-
     def worth(self, parameters: Sequence[float], statistics: Doubles) -> tuple[float, float | None]:
         """Looks that minimise the cost of a run in all passes, and this cost; None if the cost is the density rms."""
         looks, cost = self.first.worth(parameters, statistics[: len(self.first.scale)])
         return (looks, None) if cost is None else super().worth(parameters, statistics)
-
-    def promising(self, costs: Doubles, best: float) -> NDArray[np.bool_]:
-        """Mask of the costs that are worth a run, by the rule of the first pass's objective."""
-        return self.first.promising(costs, best)
-
-    def leaves_open(self, floor: float, best: float) -> bool:
-        """Whether the floor is clearly below the best verified cost, by the rule of the first pass's objective."""
-        return self.first.leaves_open(floor, best)
 
     def in_pass(self, number: int, score: Score) -> Score:
         """Score of one pass alone: statistics, density, and effective number of looks in this pass."""

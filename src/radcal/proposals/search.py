@@ -325,7 +325,7 @@ class Search:
         def proposal(point: Doubles, mode: str, floor: float | None = None) -> Proposal:
             """Proposal of a point, or of another point if rounding leads to an X that has been simulated already."""
             if self.surrogate.integer.any() and not self._fresh(point):
-                if floor is not None and not self.objective.leaves_open(floor, best.cost):
+                if floor is not None and not self.objective.first.leaves_open(floor, best.cost):
                     # no X is clearly better than that of the best run, which is proposed again and needs no new run
                     return Proposal(list(best.parameters), "exploit", best.looks, best.cost, floor, nsga2_cost)
                 others = elsewhere(self.surrogate, seed)
@@ -371,13 +371,13 @@ class Search:
             return proposal(point, "exploit")  # no floor: a surrogate of (xi, omega, alpha) has no standard errors
         hopeful, floor = self.minimum([first, there, point], seed, _FAVOUR)
         floor = min(floor, cost)
-        leaves_open = partial(self.objective.leaves_open, best=best.cost)
+        leaves_open = partial(self.objective.first.leaves_open, best=best.cost)
         if leaves_open(floor) and not (leaves_open(cost) and self._fresh(point)):
             return proposal(hopeful, "explore", floor=floor)
         return proposal(point, "exploit", floor=floor)
 
     def _promising(self, points: Sequence[Doubles], best: Score) -> NDArray[np.bool_]:
-        return self.objective.promising(np.array([float(self.cost(point)[0]) for point in points]), best.cost)
+        return self.objective.first.promising(np.array([float(self.cost(point)[0]) for point in points]), best.cost)
 
     def _fresh(self, point: Doubles) -> bool:
         """Whether the X of a point has not been simulated yet."""

@@ -62,8 +62,7 @@ MATERIALS_FROM = "materials_from"
 
 # keys that several sections have
 VrtFolders = Annotated[
-    list[str] | None,
-    Field(description="folders with source files of a VRT mosaic, besides its own folder"),
+    list[str] | None, Field(description="folders with source files of a VRT mosaic, besides its own folder")
 ]
 Band = Annotated[
     Count | None, Field(description="number of the raster band, from 1; required if the raster has several bands")

@@ -60,8 +60,7 @@ class Ppi(Section):
         1e-3, description="probability of a false alarm of the detector in uniform clutter"
     )
     training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
-        24,
-        description="number of gates, half on either side of the tested gate, whose mean power scales the threshold",
+        24, description="number of gates, half on either side of the tested gate, whose mean power scales the threshold"
     )
     guard_gates: Annotated[Integer, Field(ge=0, le=100)] = Field(
         2, description="number of gates between the tested gate and the training gates, on either side"

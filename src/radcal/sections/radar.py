@@ -50,15 +50,13 @@ class Radar(Section):
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
     depression_deg: _Elevation = Field(45.0, description="depression angle to the scene's centre [deg]")
     incidence_deg: _Elevation | None = Field(
-        None,
-        description="incidence on level ground at the scene's centre [deg]; for orbits, instead of depression_deg",
+        None, description="incidence on level ground at the scene's centre [deg]; for orbits, instead of depression_deg"
     )
     earth: Literal["flat", "curved"] = Field(
         "flat", description="shape of the earth between track and scene; curved if incidence_deg is given"
     )
     heading_deg: Annotated[Real, Field(ge=0, lt=360)] = Field(
-        0.0,
-        description="heading of the track at the scene, clockwise from north [deg]; 0 is grid north",
+        0.0, description="heading of the track at the scene, clockwise from north [deg]; 0 is grid north"
     )
     look_side: Literal["right", "left"] = Field(
         "right", description="side to which the radar looks: right (east of a northward track) or left"
@@ -253,8 +251,7 @@ class Signals(Section):
         "stripmap", description="stripmap: the beam keeps its direction; spotlight: it follows the scene's middle"
     )
     squint_deg: Annotated[Real, Field(ge=-60, le=60)] = Field(
-        0.0,
-        description="angle of beam axis and processed band ahead of zero Doppler [deg]",
+        0.0, description="angle of beam axis and processed band ahead of zero Doppler [deg]"
     )
     focusing: Literal["backprojection", "omega_k"] = Field(
         "backprojection",
@@ -288,8 +285,7 @@ class Signals(Section):
         0.0, description="rms deviation of the track from a straight line, in ground range and in height [m]"
     )
     motion_length_m: _Positive = Field(
-        200.0,
-        description="standard deviation of the Gaussian filter that smooths this deviation along the track [m]",
+        200.0, description="standard deviation of the Gaussian filter that smooths this deviation along the track [m]"
     )
     origin: tuple[Annotated[Real, Field(ge=-89, le=89)], Annotated[Real, Field(ge=-180, le=180)]] | None = Field(
         None,

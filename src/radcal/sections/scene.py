@@ -191,8 +191,7 @@ class GridScene(SceneSection):
         description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of the rasters",
     )
     vertical_datum: str | None = Field(
-        None,
-        description="vertical datum of the heights, such as EGM96; required if their CRS names none",
+        None, description="vertical datum of the heights, such as EGM96; required if their CRS names none"
     )
     elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,

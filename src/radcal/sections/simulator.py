@@ -160,8 +160,7 @@ class Template(Section):
     template: str = Field(description="path of the template")
     file: FileName = Field(description="name of the input file that radcal writes into the run's folder")
     delimiter: Annotated[str, Field(pattern=r"^[^\sA-Za-z0-9_.:-]$")] = Field(
-        "@",
-        description="character on both sides of a marker, as in @dyke.X1@; it must stand nowhere else",
+        "@", description="character on both sides of a marker, as in @dyke.X1@; it must stand nowhere else"
     )
 
 
@@ -225,17 +224,12 @@ class CommandSimulation(Section):
     )
     input: InputFile | None = Field(None, description="file in which radcal gives the program all parameters")
     templates: list[Template] = Field(
-        default_factory=list,
-        description="templates of the program's own input files, with markers for the parameters",
+        default_factory=list, description="templates of the program's own input files, with markers for the parameters"
     )
     files: list[str] = Field(default_factory=list, description="files copied into the folder of each run")
-    links: list[str] = Field(
-        default_factory=list,
-        description="files or folders linked into the folder of each run",
-    )
+    links: list[str] = Field(default_factory=list, description="files or folders linked into the folder of each run")
     environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
-        default_factory=dict,
-        description="further environment variables of the program",
+        default_factory=dict, description="further environment variables of the program"
     )
     timeout_s: Timeout = Field(3600.0, description="largest duration of a run [s], after which it is killed")
     retries: Annotated[Integer, Field(ge=0, le=20)] = Field(0, description="number of further attempts of a failed run")
@@ -248,12 +242,10 @@ class CommandSimulation(Section):
         None, description="whether equal parameters and seed give equal images; by default a second run tests it"
     )
     seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
-        None,
-        description="number of bits of {noise_seed}; by default that of the case's earlier runs, or 31 (a C int)",
+        None, description="number of bits of {noise_seed}; by default that of the case's earlier runs, or 31 (a C int)"
     )
     seedless: bool = Field(
-        False,
-        description="whether the program uses no seed; the rms with fresh speckle is then not reported",
+        False, description="whether the program uses no seed; the rms with fresh speckle is then not reported"
     )
     draws: Draws = Field(1, description=_DRAWS)
     keep_images: KeepImages = False

@@ -34,8 +34,7 @@ class TargetConfig(Section):
         "alpha)",
     )
     snr_db: Decibels = Field(
-        0.0,
-        description="lowest ratio of local signal to the noise radar.nesz_db [dB]; pixels below it are masked",
+        0.0, description="lowest ratio of local signal to the noise radar.nesz_db [dB]; pixels below it are masked"
     )
     leave_out_point_targets: bool = Field(
         True, description="whether point targets (far brighter than speckle explains) are masked"
@@ -46,8 +45,7 @@ class TargetConfig(Section):
         "image (each image is scaled to zero median and unit interquartile range)",
     )
     reference_materials: list[str] | None = Field(
-        None,
-        description="materials that show errors of level and radiometry; by default all that are not calibrated",
+        None, description="materials that show errors of level and radiometry; by default all that are not calibrated"
     )
     incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
         "auto",
@@ -80,17 +78,13 @@ class Uncertainty(Section):
         description="standard error of the image's absolute level [dB]; the default is Sentinel-1's (1 dB for three "
         "sigma)",
     )
-    noise_db: Error = Field(
-        2.0,
-        description="standard error of radar.nesz_db [dB]",
-    )
+    noise_db: Error = Field(2.0, description="standard error of radar.nesz_db [dB]")
     field_db: Annotated[Real, Field(gt=0, le=20)] = Field(
         0.5,
         description="median of the log-normal prior (log sd 1) on the standard deviation of levels between fields [dB]",
     )
     fixed_law_db: Error = Field(
-        1.0,
-        description="scale of the half-normal prior on the standard deviation of errors of fixed laws [dB]",
+        1.0, description="scale of the half-normal prior on the standard deviation of errors of fixed laws [dB]"
     )
     fixed_slope: Annotated[Real, Field(ge=0, le=10)] = Field(
         0.2,
@@ -113,8 +107,7 @@ class Uncertainty(Section):
         0.3, description="relative standard error of target.incidence_error_deg (of its logarithm)"
     )
     incidence_floor_deg: Annotated[Real, Field(ge=0, le=30)] = Field(
-        0.2,
-        description="standard error of an offset of the local incidence, which all pixels of a pass share [deg]",
+        0.2, description="standard error of an offset of the local incidence, which all pixels of a pass share [deg]"
     )
     walkers: Annotated[Integer, Field(ge=32, le=1000)] = Field(128, description="number of walkers of the sampler")
     steps: Annotated[Integer, Field(ge=100, le=100_000)] = Field(

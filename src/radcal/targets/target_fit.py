@@ -193,8 +193,8 @@ def make_targets(
     measurement, config = registered.measurement, case.target
     levels = make_levels(case, geometry, registered, reference_db)
     level = 0.0 if config.normalisation == "none" else levels.offset_db
-    noise_db = noise_floor_db(case.radar, geometry.flat_incidence_deg) + level
-    flags = {IN_THE_NOISE: noise_limited(measurement.image_db, noise_db, config.snr_db)}
+    floor_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
+    flags = {IN_THE_NOISE: noise_limited(measurement.image_db, floor_db + level, config.snr_db)}
     looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     if config.leave_out_point_targets:
         flags["point targets"] = point_targets(measurement.image_db, geometry.material, case.radar)
@@ -218,12 +218,9 @@ def make_targets(
             if not partly or (number == len(case.calibrated) and not targets):
                 raise
     if case.simulator.own:
-        simulated_db = noise_floor_db(case.radar, geometry.flat_incidence_deg)
-        rows = {name: target.pixels // geometry.shape[1] for name, target in targets.items()}
-        targets = {
-            name: replace(target, noise_db=float(10.0 * np.log10(np.mean(10.0 ** (simulated_db[rows[name]] / 10.0)))))
-            for name, target in targets.items()
-        }
+        for name, target in targets.items():
+            power = 10.0 ** (floor_db[target.pixels // geometry.shape[1]] / 10.0)
+            targets[name] = replace(target, noise_db=float(10.0 * np.log10(np.mean(power))))
     made = Targets(targets, levels, looks.looks if looks is not None else float("nan"))
     check_reach(case, made)
     if misfit is None:
