@@ -36,19 +36,19 @@ def derived_seed(seed: int, *names: str | int, bits: int = 63) -> int:
 
 def noise_seed(case: Part, fresh: bool = False) -> int:
     """Seed of speckle and thermal noise in all runs of a case, or, if ``fresh`` is true, in the final check run."""
-    return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_width)
+    return derived_seed(case.seed, "runs", "fresh" if fresh else "common", bits=case.simulator.seed_bits)
 
 
 def draw_seeds(case: Part) -> list[int]:
     """Seeds of all speckle draws of a run: first the common seed of all runs, then the seeds of the further draws."""
     more = range(2, case.simulator.draws + 1)
-    width = case.simulator.seed_width
+    width = case.simulator.seed_bits
     return [noise_seed(case), *(derived_seed(case.seed, "runs", "draw", k, bits=width) for k in more)]
 
 
 def measurement_seed(simulator: SimulatorConfig, seed: int) -> int:
     """Seed of speckle and thermal noise in a synthetic measurement."""
-    return derived_seed(seed, "measurement", "noise", bits=simulator.seed_width)
+    return derived_seed(seed, "measurement", "noise", bits=simulator.seed_bits)
 
 
 def derived_rng(seed: int, *names: str | int) -> np.random.Generator:

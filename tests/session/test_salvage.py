@@ -72,13 +72,12 @@ def test_damaged_files_are_set_aside(out, name):
 
 def test_files_at_the_place_of_an_earlier_version_are_removed(out):
     earlier = {
-        *("geometry.h5", "measurement.h5", "reference.json", "registration_run.json", "target.h5"),
+        *("geometry.h5", "measurement.h5", "reference.json", "registration_run.json", "target.h5", "simulator.json"),
         *("first/registered.h5", "registered.h5", "passes/2/design/0.json", "passes/2/external/failed-1/log"),
         *("logs/first_registration.log", "logs/passes/2/design/0.log", "benchmarks/passes/2/design_0.tsv"),
     }
-    # the number of bits in simulator.json is needed until there is a new one
     stay = {"passes/1/target.h5", "passes/2/geometry.h5", "logs/passes/1/target.log", "logs/scene.log"}
-    for name in {*earlier, *stay, "benchmarks/scene.tsv", "simulator.json"}:
+    for name in {*earlier, *stay, "benchmarks/scene.tsv"}:
         (out / name).parent.mkdir(parents=True, exist_ok=True)
         (out / name).touch()
     before = names(out)

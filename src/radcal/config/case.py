@@ -26,6 +26,7 @@ from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
 from radcal.sections.measurement import (
     FileMeasurement,
+    MeasurementConfig,
     RegistrationConfig,
     Synthetic,
     SyntheticMeasurement,
@@ -38,6 +39,10 @@ from radcal.sections.search import Design, Infill, Optimiser, Stop, SurrogateCon
 from radcal.sections.simulator import BuiltinSimulation, SimulatorConfig
 from radcal.sections.target import TargetConfig, Uncertainty, Validation
 from radcal.tables.sensors import sensors
+
+
+def _synthetic_measurement() -> list[MeasurementConfig]:
+    return [SyntheticMeasurement()]
 
 
 class Case(Part):
@@ -71,8 +76,7 @@ class Case(Part):
     gmti: Gmti = Field(default_factory=Gmti)
     products: Products = Field(default_factory=Products)
     measurements: Measurements = Field(
-        default_factory=lambda: [SyntheticMeasurement()],
-        description="the measured image in a file, or a synthetic one",
+        default_factory=_synthetic_measurement, description="the measured image in a file, or a synthetic one"
     )
     colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)

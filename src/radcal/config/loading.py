@@ -75,7 +75,7 @@ class Loaded:
     @property
     def rest(self) -> Case | None:
         """Case with default values in place of all sections with wrong keys; None if that is no case."""
-        wrong = {one.section for one in self.mistakes}
+        wrong = {one.key.partition(".")[0] for one in self.mistakes}
         return self.case or Loaded({name: section for name, section in self.data.items() if name not in wrong}).case
 
     @property

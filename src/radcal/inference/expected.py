@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,12 +9,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.laws import Law
 from radcal.speckle.texture import log_speckle_cumulants
-
-Forward = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-"""Function from X, shape (d,), to the cumulants of each incidence-angle bin, shape (n, 3).
-
-The cumulants are mean [dB], variance [dB^2] and third central moment [dB^3].
-"""
 
 
 def law_cumulants(

@@ -12,8 +12,8 @@ from radcal.config import Case, CommandSimulation, Material, expand_path
 from radcal.config.inputs import executable_path, files_below
 from radcal.config.part import Part
 from radcal.errors import ConfigError
+from radcal.programs.distinct_seeds import check_seeds
 from radcal.programs.placeholders import SEED, Marked, argument, template
-from radcal.programs.seed_width import check_seeds
 from radcal.programs.written_numbers import check_numbers
 from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.files import file_sha256
@@ -142,7 +142,7 @@ def check_command(case: Case) -> None:
     ------
     ConfigError, SimulatorError
         :class:`CommandPlan`, :func:`radcal.programs.written_numbers.check_numbers` or
-        :func:`radcal.programs.seed_width.check_seeds` found an error.
+        :func:`radcal.programs.distinct_seeds.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)

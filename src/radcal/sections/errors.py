@@ -74,11 +74,6 @@ class Mistake:
     text: str
     undecided: bool = False
 
-    @property
-    def section(self) -> str:
-        """Top-level key of the case."""
-        return self.key.partition(".")[0]
-
 
 def shown(text: str, most: int = 60) -> str:
     """Text for quotation in a message: cut to ``most`` characters, with control characters escaped."""

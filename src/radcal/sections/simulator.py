@@ -13,7 +13,6 @@ from radcal.sections.errors import Wrong
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
 _KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"
-_SEED_BITS = 31  # number of bits of the seeds for an external program: a C int can store these seeds
 _ONLY_MASKS = frozenset({"looks", "nesz_db", "range_resolution_m", "azimuth_resolution_m"})
 
 
@@ -37,9 +36,7 @@ class PythonSimulation(Section):
         Whether equal parameters and seed give equal images; None if this is not known.
     seedless : bool
         Whether the simulator uses no seed.
-    seed_bits : int or None
-        Number of bits of the seeds that the case gives.
-    seed_width : int
+    seed_bits : int
         Number of bits of the noise seed of a run.
     not_told : frozenset of str
         Keys of ``radar`` that the simulator does not receive.
@@ -49,8 +46,7 @@ class PythonSimulation(Section):
     only_parameters: ClassVar[bool] = False
     deterministic: ClassVar[bool | None] = True
     seedless: ClassVar[bool] = False
-    seed_bits: ClassVar[int | None] = None
-    seed_width: ClassVar[int] = 63
+    seed_bits: ClassVar[int] = 63
     not_told: ClassVar[frozenset[str]] = frozenset()
     kind: str = Field(description=_KIND)
     keep_images: KeepImages = False
@@ -241,8 +237,8 @@ class CommandSimulation(Section):
     deterministic: bool | None = Field(
         None, description="whether equal parameters and seed give equal images; by default a second run tests it"
     )
-    seed_bits: Annotated[Integer, Field(ge=8, le=63)] | None = Field(
-        None, description="number of bits of {noise_seed}; by default that of the case's earlier runs, or 31 (a C int)"
+    seed_bits: Annotated[Integer, Field(ge=8, le=63)] = Field(
+        31, description="number of bits of {noise_seed}; by default those of a C int"
     )
     seedless: bool = Field(
         False, description="whether the program uses no seed; the rms with fresh speckle is then not reported"
@@ -271,11 +267,6 @@ class CommandSimulation(Section):
                 f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}",
             )
         return self
-
-    @property
-    def seed_width(self) -> int:
-        """Number of bits of the noise seed of a run."""
-        return _SEED_BITS if self.seed_bits is None else self.seed_bits
 
     @property
     def not_told(self) -> frozenset[str]:

@@ -29,6 +29,7 @@ _SHOWN = 3  # largest number of files named in one message
 # passes, which now lies beside that of the first pass
 _EARLIER = (
     "geometry.h5", "measurement.h5", "reference.json", "registration_run.json", "registered.h5", "target.h5", "first",
+    "simulator.json",
     "logs/geometry.log", "logs/measurement.log", "logs/reference.log", "logs/registration_run.log", "logs/target.log",
     "logs/registration.log", "logs/first_registration.log", "logs/simulator.log",
     "benchmarks/geometry.tsv", "benchmarks/measurement.tsv", "benchmarks/reference.tsv", "benchmarks/target.tsv",

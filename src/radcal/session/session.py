@@ -19,7 +19,6 @@ from radcal.config.yaml_file import settings
 from radcal.errors import RadcalError, StoreError
 from radcal.forecast.runs_and_time import standing
 from radcal.programs.command_plan import check_command
-from radcal.programs.seed_width import with_seed_bits
 from radcal.sections.measurement import starts_as_truth
 from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower, elapsed
 from radcal.session.replacement import check_replacement
@@ -68,7 +67,6 @@ def open_session(
     try:
         settings(words)
         case, inputs = load_with_inputs(files, config)
-        case = with_seed_bits(case, results)
         check_command(case)
         check_reuse(case, results)
         if main:
@@ -166,7 +164,9 @@ class Session:
         self.case, self.inputs = case, dict(inputs or {})
         self._lock = CaseLock(self.folder)
         self._shown: list[Repeated] = []
-        self._failure = (self.folder / "logs" / "failure.txt").absolute()
+        self._failure, self._progress = (
+            (self.folder / "logs" / name).absolute() for name in ("failure.txt", "progress.txt")
+        )
         self._slurm = self.folder / ".slurm"
         self._started = remote
         # before the first job starts, an existing file of failures belongs to an earlier command
@@ -187,10 +187,6 @@ class Session:
             os.environ.pop(name, None)
             if value is not None:
                 os.environ[name] = value
-
-    @property
-    def _progress(self) -> Path:
-        return (self.folder / "logs" / "progress.txt").absolute()
 
     def set_damaged_aside(self) -> None:
         """Rename damaged results and print a message for each, before Snakemake plans the jobs that make them again.

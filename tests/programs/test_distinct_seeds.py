@@ -1,14 +1,11 @@
-"""A case keeps the width of its seeds, and a program's seeds tell its runs apart."""
+"""The seeds of an external program tell its runs apart."""
 
 import pytest
 
 from radcal.config import case_from
 from radcal.errors import ConfigError, SimulatorError
 from radcal.programs.command_plan import check_command
-from radcal.programs.seed_width import with_seed_bits
 from radcal.seeds import derived_seed, measurement_seed, noise_seed
-from radcal.storage.provenance import provenance
-from radcal.storage.records import write_json
 
 MATERIALS = {"dyke": {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 9], [0, 9]]}}
 
@@ -30,38 +27,12 @@ def case_of(words, sections=None, **simulator):
     )
 
 
-def test_a_new_case_has_seeds_that_a_c_int_holds(tmp_path):
-    case = with_seed_bits(case_of(["{noise_seed}"]), tmp_path)
-    assert case.simulator.seed_width == 31
+def test_a_program_has_seeds_that_a_c_int_holds():
+    case = case_of(["{noise_seed}"])
     seeds = [noise_seed(case), noise_seed(case, fresh=True), measurement_seed(case.simulator, 2)]
     assert len({seed for seed in seeds if 0 < seed < 2**31}) == 3
+    assert noise_seed(case_of(["{noise_seed}"], seed_bits=63)) == derived_seed(1, "runs", "common")
     assert noise_seed(case_from({})) == derived_seed(1, "runs", "common")  # radcal's own has 63
-
-
-def record_bits(results, case, bits):
-    path = results / case / "passes/1/simulator.json"
-    with provenance(case):
-        write_json(path, {"kind": "command", "seed_bits": bits})
-    return path
-
-
-def test_a_case_keeps_the_seeds_of_its_runs(tmp_path):
-    case = case_of(["{noise_seed}"], {"design": {"reuse": "earlier"}})
-    record_bits(tmp_path, "earlier", 63)
-    assert noise_seed(with_seed_bits(case, tmp_path)) == derived_seed(case.seed, "runs", "common")
-    assert with_seed_bits(case_of(["{noise_seed}"]), tmp_path).simulator.seed_width == 31
-    # the case's own goes before the earlier one's; the configuration before either
-    path = record_bits(tmp_path, "mine", 40)
-    assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
-    assert with_seed_bits(case_of(["{noise_seed}"], seed_bits=16), tmp_path).simulator.seed_width == 16
-    # a damaged one says nothing, and stays for salvage to find
-    text = path.read_text()
-    path.write_text(text.replace("40", "41"))
-    assert with_seed_bits(case, tmp_path).simulator.seed_width == 63
-    assert path.exists()
-    # the place of an earlier version of radcal
-    (tmp_path / "mine/simulator.json").write_text(text)
-    assert with_seed_bits(case, tmp_path).simulator.seed_width == 40
 
 
 def test_a_program_without_its_seed_is_refused_unless_it_takes_none():
