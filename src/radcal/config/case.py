@@ -52,10 +52,7 @@ class Case(Part):
     """
 
     case: CaseName = Field("dyke", description="name of the case and of its folder below results/")
-    replace: bool = Field(
-        False,
-        description="whether finished results of another scene or pass may be replaced",
-    )
+    replace: bool = Field(False, description="whether finished results of another scene or pass may be replaced")
     seed: Seed = Field(1, description="seed of all random draws without a key seed of their own")
     # a default_factory, because a section that is created here would make every job build its validator
     scene: SceneConfig = Field(default_factory=BuiltinScene, description="source of elevation, materials and objects")

@@ -158,13 +158,10 @@ class BinMisfit(Misfit):
     @cached_property
     def _order(self) -> Doubles:
         """Coefficients that express each bin's statistics by orthogonal polynomials of its pixels, shape (n, 3, 3)."""
-        each = zip(self.classes.speckle_db2, self._levels_db2, strict=True)
+        speckle_db2 = self.classes.speckle_db2
+        # variance in each bin by differences of level between its pixels, without speckle
+        each = zip(speckle_db2, self.classes.cumulants[:, 1] - speckle_db2, strict=True)
         return np.linalg.cholesky(np.stack([sampling_covariance(v, 1.0, of_levels) for v, of_levels in each]))
-
-    @property
-    def _levels_db2(self) -> Doubles:
-        """Variance in each bin by differences of level between its pixels, without speckle [dB^2], shape (n,)."""
-        return self.classes.cumulants[:, 1] - self.classes.speckle_db2
 
     @cached_property
     def sampling(self) -> Doubles:

@@ -116,10 +116,7 @@ def ground_residuals(ground: Ground, classes: Classes, method: Method, spread: S
     return lambda x, looks: misfit(x, looks, simulate(x))
 
 
-def fit_laws(
-    measured: Mapping[str, Ground],
-    methods: Mapping[str, Method],
-) -> dict[str, FittedLaw]:
+def fit_laws(measured: Mapping[str, Ground], methods: Mapping[str, Method]) -> dict[str, FittedLaw]:
     """Fit the laws of several materials and, alternately, estimate the variance between and within their fields.
 
     Parameters

@@ -284,10 +284,7 @@ class NewCase:
         incidence_deg = radar.get("incidence_deg", otherwise_deg if depression_deg is None else 90.0 - depression_deg)
         east, north = facts.pixel_m
         sensor = {} if self._sensor is None else self._sensor.values_at(incidence_deg or _INCIDENCE_DEG)
-        pixels = {
-            "range": east * math.sin(math.radians(incidence_deg or _INCIDENCE_DEG)),
-            "azimuth": north,
-        }
+        pixels = {"range": east * math.sin(math.radians(incidence_deg or _INCIDENCE_DEG)), "azimuth": north}
         # an image whose pixels are too large for the sensor's resolution was resampled: the sensor's spacing stays
         if any(
             f"{way}_spacing_m" in sensor and size * WIDTH_FACTOR > sensor.get(f"{way}_resolution_m", math.inf)

@@ -42,10 +42,7 @@ def fixed_laws(words: Iterable[str]) -> dict[str, dict[str, Any]]:
             raise ConfigError(f"--fixed {word}: expected NAME=DB such as water=-17, or NAME=LAW:X1,X2,... of its law.")
         if name in found:
             raise ConfigError(f"--fixed {word}: a law of {name} is given twice, expected once.")
-        found[name] = {
-            "law": law if colon else _CONSTANT,
-            "parameters": [float(text) for text in numbers.split(",")],
-        }
+        found[name] = {"law": law if colon else _CONSTANT, "parameters": [float(text) for text in numbers.split(",")]}
     return found
 
 

@@ -43,8 +43,6 @@ class Bins(Objective):
             material.law,
             material.box,
             material.looks,
-            misfit=self.misfit,
-            classes=bins.classes.size,
             free_looks=bins.free_looks,
             priors=bins.priors and material.priors,
             incidence_error_deg=bins.incidence_error_deg,

@@ -20,22 +20,17 @@ MISSING = "missing_because"  # type of the error for a missing key, with a reaso
 # names that pydantic inserts into locations for the alternatives of a union
 _ALTERNATIVES = ("a list", "a law", "one level", "a table", "yes or no")
 
-# words of YAML in place of those of Python, by pydantic's type of the error
+# words of YAML in place of those of Python, by pydantic's type of the error or by the first word of this type
 _EXPECTED = {
-    "model_type": "keys and values",
-    "model_attributes_type": "keys and values",
-    "dict_type": "keys and values",
-    "list_type": "a list",
-    "tuple_type": "a list",
+    "model": "keys and values",
+    "dict": "keys and values",
+    "list": "a list",
+    "tuple": "a list",
     "string_type": "a text",
-    "bool_type": "true or false",
-    "bool_parsing": "true or false",
-    "float_type": "a number",
-    "float_parsing": "a number",
+    "bool": "true or false",
     "bool_as_number": "a number",
-    "int_type": "an integer",
-    "int_parsing": "an integer",
-    "int_from_float": "an integer",
+    "float": "a number",
+    "int": "an integer",
     "int_parsing_size": "an integer of fewer digits",
 }
 
@@ -140,7 +135,8 @@ def _of_key(detail: ErrorDetails, root: type[BaseModel]) -> Mistake:
         what = material if place[-1] == FILL_IN else _meaning(place, root)
         return Mistake(key, f"{key} is {FILL_IN}, expected {what}", True)
     words = context.get("expected_tags") or re.sub(r"^\w+ should (be |have |match )?", "", detail["msg"])
-    expected = _EXPECTED.get(kind, words.replace(" after validation", ""))
+    usual = _EXPECTED.get(kind.partition("_")[0], words.replace(" after validation", ""))
+    expected = _EXPECTED.get(kind, usual)
     text = str(value).lower() if isinstance(value, bool) else str(value) if isinstance(value, date) else repr(value)
     return Mistake(key, f"{key} is {'empty' if value is None else shown(text)}, expected {expected}")
 

@@ -6,7 +6,7 @@ therefore has a wrong unit or a wrong digit.
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from pydantic import AfterValidator, BeforeValidator, Field, PlainSerializer
 from pydantic_core import PydanticCustomError
@@ -28,17 +28,15 @@ def _whole(value: float) -> float:
     return int(value) if value == int(value) else value
 
 
-def _as_it_is(value: float) -> Any:  # pydantic would write a whole number as 4.0 if the type were float
-    return value
-
-
 Integer = Annotated[int, BeforeValidator(_not_bool)]
 Real = Annotated[float, BeforeValidator(_not_bool)]
 Seed = Annotated[Integer, Field(ge=0, le=2**63 - 1)]
 Count = Annotated[Integer, Field(ge=1, le=1_000_000)]
 Altitude = Annotated[Real, Field(ge=1, le=1e8)]  # geosynchronous orbits are at 3.6e7 m
+Positive = Annotated[Real, Field(gt=0, le=1e9)]
 Length = Annotated[Real, Field(ge=1e-3, le=1e6)]  # side of a cell or a pixel
-Looks = Annotated[Real, Field(ge=1, le=64), AfterValidator(_whole), PlainSerializer(_as_it_is)]
+# the serialiser has no type, because pydantic would write a whole number of type float as 4.0
+Looks = Annotated[Real, Field(ge=1, le=64), AfterValidator(_whole), PlainSerializer(lambda value: value)]
 Coordinate = Annotated[Real, Field(ge=-1e8, le=1e8)]  # the Earth's circumference is 4e7 m
 Frequency = Annotated[Real, Field(ge=0.01, le=1000)]  # from HF to the highest radar bands
 Decibels = Annotated[Real, Field(ge=-200, le=200)]  # the same range as in images

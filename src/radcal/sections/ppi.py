@@ -9,14 +9,13 @@ from pydantic import Field, field_validator, model_validator
 
 from radcal.sections.base import Section
 from radcal.sections.errors import Wrong
-from radcal.sections.limits import Altitude, Coordinate, Integer, Length, Real
+from radcal.sections.limits import Altitude, Coordinate, Integer, Length, Positive, Real
 
 _HALF_LIGHT_M_S = 0.5 * 299_792_458.0  # distance of a target by the time of its echo
 _LEAST_PULSES = 4  # in a beam width: fewer do not sample the two-way pattern
 
-_Positive = Annotated[Real, Field(gt=0, le=1e9)]
 _Angle = Annotated[Real, Field(ge=0.05, le=90)]
-_LandRow = tuple[Annotated[Real, Field(ge=0, le=90)], Annotated[Real, Field(ge=-100, le=30)], _Positive]
+_LandRow = tuple[Annotated[Real, Field(ge=0, le=90)], Annotated[Real, Field(ge=-100, le=30)], Positive]
 _Land = dict[str, Literal["rural"] | Annotated[list[_LandRow], Field(min_length=1)]]
 
 
@@ -29,8 +28,8 @@ class Ppi(Section):
         "[m]; by default the middle",
     )
     mast_m: Altitude = Field(30.0, description="height of the antenna above the ground [m]")
-    power_w: _Positive = Field(25_000.0, description="transmitted peak power [W]")
-    pulse_us: _Positive = Field(0.1, description="length of the transmitted pulse, before compression [us]")
+    power_w: Positive = Field(25_000.0, description="transmitted peak power [W]")
+    pulse_us: Positive = Field(0.1, description="length of the transmitted pulse, before compression [us]")
     gain_db: Annotated[Real, Field(ge=0, le=80)] = Field(31.0, description="gain of the antenna [dB]")
     azimuth_beam_deg: _Angle = Field(1.2, description="one-way -3 dB width of the antenna's beam in azimuth [deg]")
     elevation_beam_deg: _Angle = Field(20.0, description="one-way -3 dB width of the beam in elevation [deg]")
@@ -39,7 +38,7 @@ class Ppi(Section):
     )
     losses_db: Annotated[Real, Field(ge=0, le=50)] = Field(3.0, description="losses, both ways together [dB]")
     noise_figure_db: Annotated[Real, Field(ge=0, le=50)] = Field(5.0, description="noise figure of the receiver [dB]")
-    prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
+    prf_hz: Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
     rotation_rpm: Annotated[Real, Field(ge=0.01, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
     pulses: Annotated[Integer, Field(ge=1, le=1000)] = Field(
         10, description="number of pulses whose powers are averaged to one ray of the image"
@@ -113,12 +112,12 @@ class Gmti(Section):
     pulses: Annotated[Integer, Field(ge=2, le=128)] = Field(
         16, description="number of pulses of a coherent processing interval"
     )
-    prf_hz: _Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
+    prf_hz: Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
     false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
         1e-6, description="probability of a false alarm in one test, that of one gate, direction and velocity"
     )
     scans: Annotated[Integer, Field(ge=1, le=1000)] = Field(1, description="number of scans of the scene")
-    revisit_s: _Positive = Field(2.0, description="time from scan to scan [s]")
+    revisit_s: Positive = Field(2.0, description="time from scan to scan [s]")
     training_gates: Annotated[Integer, Field(ge=4, le=10_000)] | None = Field(
         None,
         description="number of gates from which the clutter's covariance is estimated; by default twice channels times "

@@ -23,7 +23,7 @@ from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
 from radcal.sections.base import Section
 from radcal.sections.errors import Wrong
-from radcal.sections.limits import Altitude, Decibels, Frequency, Integer, Length, Looks, Real
+from radcal.sections.limits import Altitude, Decibels, Frequency, Integer, Length, Looks, Positive, Real
 from radcal.tables.sensors import SensorName, sensors
 
 Radiometry = Literal["sigma0_ref", "sigma0_local", "beta0", "gamma0", "gamma0_rtc"]
@@ -108,19 +108,33 @@ class Radar(Section):
         return first if math.isnan(angle) else handler({**sensor.values_at(angle), **data})
 
     @model_validator(mode="after")
-    def _asked(self) -> Self:
+    def _consistent(self) -> Self:
         given = {key: getattr(self, key) for key in self.model_fields_set}
         if self.sensor is not None and (missing := sensors()[self.sensor].missing(given)):
             *others, last = missing
             several = f"{', '.join(others)} and {last} are" if others else f"{last} is"
             raise ValueError(f"{several} missing, which sensor {self.sensor} does not give (docs/sensors.md)")
+        self._check_angle()
+        for way in ("range", "azimuth"):
+            resolution, spacing = getattr(self, f"{way}_resolution_m"), getattr(self, f"{way}_spacing_m")
+            if resolution > _COARSEST * spacing:
+                raise ValueError(
+                    f"{way}_resolution_m is {resolution:g}, expected at most {_COARSEST:g} times {way}_spacing_m "
+                    f"({spacing:g})"
+                )
+        if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
+            in_mhz = within_band(self.band, self.frequency_ghz * 1e6)
+            raise Wrong(
+                "frequency_ghz",
+                f" is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
+                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz),
+            )
         return self
 
-    @model_validator(mode="after")
-    def _one_angle(self) -> Self:
-        given = self.model_fields_set
+    def _check_angle(self) -> None:
+        """Refuse two angles, an angle that the earth's shape contradicts, and an altitude in km."""
         if self.incidence_deg is not None:
-            if "depression_deg" in given:
+            if "depression_deg" in self.model_fields_set:
                 raise Wrong(
                     "depression_deg",
                     f" ({self.depression_deg:g}) and incidence_deg ({self.incidence_deg:g}) are both "
@@ -145,7 +159,6 @@ class Radar(Section):
                 f" is {self.depression_deg:g}, at which a track at altitude_m {self.altitude_m:g} sees "
                 f"the curved earth at an incidence of {_STEEPEST:g} degrees or not at all, expected a larger one",
             )
-        return self
 
     @model_serializer(mode="wrap")
     def _plain(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -218,31 +231,6 @@ class Radar(Section):
                 raise ValueError(f"the incidence angles are {angles}, expected increasing angles")
         return table
 
-    @model_validator(mode="after")
-    def _sampled(self) -> Self:
-        for way in ("range", "azimuth"):
-            resolution, spacing = getattr(self, f"{way}_resolution_m"), getattr(self, f"{way}_spacing_m")
-            if resolution > _COARSEST * spacing:
-                raise ValueError(
-                    f"{way}_resolution_m is {resolution:g}, expected at most {_COARSEST:g} times {way}_spacing_m "
-                    f"({spacing:g})"
-                )
-        return self
-
-    @model_validator(mode="after")
-    def _one_band(self) -> Self:
-        if self.frequency_ghz is not None and within_band(self.band, self.frequency_ghz * 1e9) is False:
-            in_mhz = within_band(self.band, self.frequency_ghz * 1e6)
-            raise Wrong(
-                "frequency_ghz",
-                f" is {self.frequency_ghz:g}, which is not in band {self.band!r}: correct one of them"
-                + f" (in MHz? {self.frequency_ghz / 1000.0:g} GHz)" * bool(in_mhz),
-            )
-        return self
-
-
-_Positive = Annotated[Real, Field(gt=0, le=1e9)]
-
 
 class Signals(Section):
     """Radar of the raw signals (``radcal simulate --product iq``) and of images focused from them (``focused``)."""
@@ -259,7 +247,7 @@ class Signals(Section):
         "package finufft of radcal[signals]",
     )
     speed_mps: Annotated[Real, Field(ge=1, le=1e4)] = Field(100.0, description="speed of the platform [m/s]")
-    prf_hz: _Positive | None = Field(
+    prf_hz: Positive | None = Field(
         None,
         description="pulse rate [Hz]; by default 1.1 times the lowest at which no aliased echo falls into the image",
     )
@@ -270,8 +258,8 @@ class Signals(Section):
         "corners",
     )
     gain_db: Annotated[Real, Field(ge=0, le=100)] = Field(30.0, description="gain of the antenna, one way [dB]")
-    pulse_us: _Positive = Field(10.0, description="length of the transmitted chirp [us]")
-    power_w: _Positive | None = Field(
+    pulse_us: Positive = Field(10.0, description="length of the transmitted chirp [us]")
+    power_w: Positive | None = Field(
         None,
         description="transmitted peak power [W]; by default that for a noise of radar.nesz_db in the scene's middle",
     )
@@ -284,7 +272,7 @@ class Signals(Section):
     motion_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0, description="rms deviation of the track from a straight line, in ground range and in height [m]"
     )
-    motion_length_m: _Positive = Field(
+    motion_length_m: Positive = Field(
         200.0, description="standard deviation of the Gaussian filter that smooths this deviation along the track [m]"
     )
     origin: tuple[Annotated[Real, Field(ge=-89, le=89)], Annotated[Real, Field(ge=-180, le=180)]] | None = Field(

@@ -258,23 +258,19 @@ class CommandSimulation(Section):
     def _waits_s(self) -> float:
         return self.retry_wait_s * (2.0**self.retries - 1.0)
 
-    @model_validator(mode="after")
-    def _patience(self) -> Self:
-        if self._waits_s > LONGEST_S:
-            raise Wrong(
-                "retry_wait_s",
-                f" is {self.retry_wait_s:g} and retries {self.retries}: waits that double each time add "
-                f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}",
-            )
-        return self
-
     @property
     def not_told(self) -> frozenset[str]:
         """Keys of ``radar`` that the program does not receive; these keys change masks and checks, but not the runs."""
         return frozenset() if self.input is not None and self.input.radar else _ONLY_MASKS
 
     @model_validator(mode="after")
-    def _names(self) -> Self:
+    def _consistent(self) -> Self:
+        if self._waits_s > LONGEST_S:
+            raise Wrong(
+                "retry_wait_s",
+                f" is {self.retry_wait_s:g} and retries {self.retries}: waits that double each time add "
+                f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}",
+            )
         if self.version is not None and self.version_command is not None:
             raise Wrong("version", " and version_command are both given, expected one of them")
         names = [

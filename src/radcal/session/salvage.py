@@ -206,19 +206,15 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         reference run, or if the case or the reference run uses an external simulator.
     """
     folder = Path(folder)
-    index = folder / "passes/1/reference.json"
-    if not case.simulator.own or not index.is_file():
-        return []
     try:
-        key = read_index(index)[0].key
+        key = read_index(folder / "passes/1/reference.json")[0].key
         theirs = RunStore(folder / "runs").description(key)["simulator"]
     except (StoreError, KeyError, IndexError, TypeError):
         return []  # salvage reports damaged files
     ours = simulator_version(case.radar.earth)
-    if theirs.get("kind") != "builtin" or theirs.get("version") == ours:
+    if not case.simulator.own or theirs.get("kind") != "builtin" or theirs.get("version") == ours:
         return []
     return [
-        f"the built-in simulator is version {ours} now, the runs of {folder} are of version "
-        f"{theirs.get('version')}: its identity has changed, runs are made anew, and the old ones are kept in "
-        f"{folder / 'runs'} (docs/simulator.md says what changed)."
+        f"the built-in simulator is version {ours} now, the runs of {folder} are of version {theirs.get('version')}: "
+        f"runs are made anew, and the old ones are kept in {folder / 'runs'} (docs/simulator.md says what changed)."
     ]

@@ -148,11 +148,7 @@ class Session:
     """
 
     def __init__(
-        self,
-        case: Case,
-        remote: bool = False,
-        results: str | Path = _RESULTS,
-        inputs: Mapping[str, Path] | None = None,
+        self, case: Case, remote: bool = False, results: str | Path = _RESULTS, inputs: Mapping[str, Path] | None = None
     ) -> None:
         self.folder = Path(results) / case.case
         for path in (self.folder.parent, self.folder):

@@ -167,10 +167,7 @@ class Targets(dict[str, Target]):
     """
 
     def __init__(
-        self,
-        targets: Mapping[str, Target],
-        levels: Levels | None = None,
-        looks: float = float("nan"),
+        self, targets: Mapping[str, Target], levels: Levels | None = None, looks: float = float("nan")
     ) -> None:
         super().__init__(targets)
         self.passes: Sequence[Targets] = (self,)

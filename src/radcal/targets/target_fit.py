@@ -229,11 +229,7 @@ def make_targets(
 
 
 def laws_of_image(
-    case: Part,
-    geometry: Geometry,
-    registered: Registered,
-    reference_db: NDArray[np.float32],
-    scene: Scene,
+    case: Part, geometry: Geometry, registered: Registered, reference_db: NDArray[np.float32], scene: Scene
 ) -> dict[str, list[float]]:
     """Parameters X of the laws that fit the measured pixels in incidence-angle bins, without a simulator run.
 
