@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +16,7 @@ from radcal.seeds import derived_rng
 from radcal.simulators.texturing import textured
 from radcal.speckle.texture import equal_texture, texture_order
 from radcal.storage.runs import Parameters, Record
-
-if TYPE_CHECKING:
-    from radcal.targets.target import Targets
+from radcal.targets.target import Targets
 
 
 def score(

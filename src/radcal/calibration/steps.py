@@ -8,7 +8,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 
 from radcal.calibration.noise import scatter
 from radcal.calibration.scoring import score
@@ -27,9 +26,7 @@ from radcal.sections.simulator import SimulatorConfig
 from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
-
-if TYPE_CHECKING:
-    from radcal.targets.target import Targets
+from radcal.targets.target import Targets
 
 logger = logging.getLogger(__name__)
 

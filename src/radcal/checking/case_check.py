@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, outlook
 from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
@@ -17,17 +17,15 @@ from radcal.findings import Finding, of_pass
 from radcal.forecast.memory_and_time import memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_sentence, standing
 from radcal.ground.one_incidence import Bounces, bounces_on, bounces_outside
+from radcal.image.model import Measurement
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
+from radcal.radar.geometry import Geometry
 from radcal.reading.base import reader_of
+from radcal.scene.model import Scene
 from radcal.sections.measurement import starts_as_truth
 from radcal.session.replacement import check_replacement
 from radcal.words import sentence
-
-if TYPE_CHECKING:
-    from radcal.image.model import Measurement
-    from radcal.radar.geometry import Geometry
-    from radcal.scene.model import Scene
 
 Say = Callable[[str], None]
 

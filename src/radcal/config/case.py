@@ -128,8 +128,7 @@ class Case(Part):
     @property
     def registers_twice(self) -> bool:
         """Whether the image is registered again, onto a run of the laws that the first registration gives."""
-        config = self.registration
-        return config.rounds == 2 and config.method != "none" and self.has_baseline
+        return self.registration.rounds == 2 and self.registration.method != "none" and self.has_baseline
 
     @model_validator(mode="after")
     def _consistent(self, info: ValidationInfo) -> Self:

@@ -7,21 +7,19 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
+from radcal.image.acquisition import Acquisition
 from radcal.reading.arrays import is_raster
 from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.reading.vectors import read_vectors
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
 from radcal.vectors.mapping import MOST_MATERIALS, text_of
-
-if TYPE_CHECKING:
-    from radcal.image.acquisition import Acquisition
 
 POLARISATIONS = ("HH", "HV", "VH", "VV")
 _SAMPLE_PX = 1024  # side of the sample from which the range of an image's numbers is read

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -41,10 +41,9 @@ def make_objectives(case: Part, targets: Targets) -> Mapping[str, Comparison]:
     """
     if len(targets.passes) == 1:
         return _of_pass(case, targets)
-    passes: Sequence[Part] = case.passes
     each = [
         _of_pass(one, found, priors=number == 0)
-        for number, (one, found) in enumerate(zip(passes, _of_common_spread(targets), strict=True))
+        for number, (one, found) in enumerate(zip(case.passes, _of_common_spread(targets), strict=True))
     ]
     return {name: Joint([objectives.get(name) for objectives in each]) for name in targets}
 

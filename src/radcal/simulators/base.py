@@ -22,7 +22,6 @@ class Simulator(Protocol):
     @property
     def identity(self) -> Mapping[str, Any]:
         """Plain data that identify the simulator; they differ between simulators that may give different images."""
-        ...
 
     def run(self, parameters: Mapping[str, Sequence[float]], noise_seed: int) -> NDArray[np.float32]:
         """Simulate one pass.
@@ -44,7 +43,6 @@ class Simulator(Protocol):
         SimulatorError
             The simulation failed.
         """
-        ...
 
 
 class SimulatorKind(Simulator, Protocol):
@@ -71,7 +69,6 @@ class SimulatorKind(Simulator, Protocol):
         geometry_path : path
             Path of the geometry file.
         """
-        ...
 
 
 @runtime_checkable
@@ -91,4 +88,3 @@ class Looks(Protocol):
         ndarray of complex64, shape (slant range, azimuth)
             Amplitude, whose squared magnitude is linear power in the configured radiometry.
         """
-        ...

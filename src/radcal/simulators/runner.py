@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from radcal.config import Material, Radar
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError
+from radcal.radar.geometry import Geometry
 from radcal.sections.simulator import SIMULATORS
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.base import Looks, Simulator
@@ -20,9 +21,6 @@ from radcal.simulators.texturing import orders_of, with_textures
 from radcal.storage.files import digest
 from radcal.storage.lock import claimed
 from radcal.storage.runs import Parameters, Record, RunStore
-
-if TYPE_CHECKING:
-    from radcal.radar.geometry import Geometry
 
 
 def _law_description(material: Material, first: Radar, radar: Radar, seed: int) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,12 +13,10 @@ from radcal.inference.incidence_error import registration_error_deg
 from radcal.inference.misfit import BinMisfit, Method, Misfit
 from radcal.inference.pooled_laws import fit_laws
 from radcal.laws import law_for
+from radcal.radar.geometry import Geometry
+from radcal.registration.registered import Registered
 from radcal.targets.class_target import ClassTarget
 from radcal.targets.target import Targets
-
-if TYPE_CHECKING:
-    from radcal.radar.geometry import Geometry
-    from radcal.registration.registered import Registered
 
 _LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pixels, for laws without a curve
 

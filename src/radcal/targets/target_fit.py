@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +21,14 @@ from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, p
 from radcal.image.looks import estimate_looks, local_looks
 from radcal.image.model import Measurement
 from radcal.inference.misfit import BinMisfit, Misfit
+from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
+from radcal.registration.registered import Registered
+from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.targets.bin_target import bin_targets
 from radcal.targets.reach import check_reach
 from radcal.targets.target import Target, Targets
-
-if TYPE_CHECKING:
-    from radcal.radar.geometry import Geometry
-    from radcal.registration.registered import Registered
-    from radcal.scene.model import Scene
 
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
 # error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
