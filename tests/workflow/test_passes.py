@@ -72,7 +72,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
         law = one["materials"]["field"]
         assert 0.0 < law["half_width_db"] < 10.0
         assert law["difference_db"] < 2.5 * law["half_width_db"]
-    assert "What each pass adds" in (project.out() / "report.html").read_text()
+    assert "For each pass and material, the table gives" in (project.out() / "report.html").read_text()
     assert (project.out() / "figures/front_field.png").exists()
     exported = radcal.open(project.out())
     assert {"calibrated_pass2", "difference_pass2", "incidence_pass2", "mask_pass2"} <= set(exported.images)
