@@ -380,7 +380,7 @@ def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wro
     known = posterior(form=None if form is None else replace(posterior().form, **form))
     archive = ended(changed_material(made.archive, "dyke", posterior=known), reason, dyke=reason)
     text = render(tmp_path / "report.html", archive)[1].text
-    assert ("dyke: X1 is at its upper bound (50 dB); a better law may lie outside the bounds." in text) is flagged
+    assert ("At a bound: dyke X1. A better law may lie outside the bounds." in text) is flagged
     assert "50.00 (bound)" in text
 
 

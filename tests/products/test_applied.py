@@ -239,8 +239,8 @@ def test_table_and_conclusion_say_only_what_was_shown():
     assert list(_table(rows, several=True))[1].startswith("1     dyke")
     said = list(_conclusion(rows))
     assert said[0] == "dyke: 1 of 2 bins lie inside of their 90 % interval where sigma0 is determined."
-    assert said[1].startswith("dyke: 1 bin is predicted at angles that the calibration has seen, where sigma0 is not")
-    assert said[2].startswith(
+    assert len(said) == 2
+    assert said[1].startswith(
         "dyke: 1 of 1 bin lies inside of its 90 % interval at angles that the calibration has not"
     )
 

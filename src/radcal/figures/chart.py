@@ -80,10 +80,8 @@ class Chart:
         Panels from the top.
     height : float
         Height of the figure [inches].
-    limits : (float, float), optional
+    limits : (float, float)
         Ends of the common axis.
-    whole : bool
-        Whether the common axis counts.
     shaded : sequence of (float, float)
         Intervals of the common axis that are shaded.
     determined : (float, float), optional
@@ -96,16 +94,13 @@ class Chart:
     x_label: str
     panels: Sequence[Panel]
     height: float
-    limits: Interval | None = None
-    whole: bool = False
+    limits: Interval
     shaded: Sequence[Interval] = ()
     determined: Sequence[float] | None = None
 
 
 def drawn(chart: Chart, case: Archive, name: str) -> Drawn:
     """Figure of a material by matplotlib."""
-    from matplotlib.ticker import MaxNLocator
-
     canvas = new_canvas(6.2, chart.height)
     shares = [panel.share for panel in chart.panels]
     panels = canvas.subplots(len(shares), 1, sharex=True, squeeze=False, height_ratios=shares)[:, 0]
@@ -123,10 +118,8 @@ def drawn(chart: Chart, case: Archive, name: str) -> Drawn:
             axes.set_ylim(*panel.limits)
         entries |= {label: handle for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)}
     panels[-1].set_xlabel(chart.x_label)
-    if chart.limits is not None:
-        panels[-1].set_xlim(*chart.limits)
-    if chart.whole:
-        panels[-1].xaxis.set_major_locator(MaxNLocator(integer=True))
+    panels[-1].set_xlim(*chart.limits)
+    panels[-1].locator_params(axis="x", integer=True)
     head(panels[0], case, name, chart.title)
-    add_legend(canvas, (list(entries.values()), list(entries)), 3 if chart.whole else 2)
+    add_legend(canvas, (list(entries.values()), list(entries)), 3)
     return canvas, chart.caption, chart.alt

@@ -42,10 +42,10 @@ def _of_looks(case: Archive, material: MaterialResult, runs: NDArray[np.intp]) -
     return f"{_TEXTURED} The effective looks (speckle and texture) that the search found for these runs are {found}."
 
 
-def _draw(axes: Axes, material: MaterialResult, curves: Sequence[tuple[Array, str | None, Mapping[str, Any]]]) -> int:
+def _draw(axes: Axes, material: MaterialResult, curves: Sequence[tuple[Array, str | None, Mapping[str, Any]]]) -> None:
     """Draw the histogram of the measured pixels, and densities of given label and style.
 
-    The limits of the axes lie near the target density. Returns the number of densities that leave the axes.
+    The limits of the axes lie near the target density, so that densities may leave the axes.
     """
     mean, sd = _reach(material.target.dp)
     low, high = mean - 14.0 * sd, mean + 14.0 * sd
@@ -58,19 +58,17 @@ def _draw(axes: Axes, material: MaterialResult, curves: Sequence[tuple[Array, st
         axes.stairs(heights, edges, fill=True, color=drawing.PALE, label="measured pixels")
         peak = max(peak, float(heights.max()))
         ends += [inside.min(), inside.max()]
-    cap, tops, leaving = 2.2 * peak, [peak], 0
+    cap, tops = 2.2 * peak, [peak]
     for dp, label, style in curves:
         middle, width = _reach(dp)
         grid, density = _density(dp)
         top, there = float(density.max()), low - width <= middle <= high + width
         shown = (density > 2e-4 * top) & there
         axes.plot(grid[shown], density[shown], label=label, **style)
-        leaving += not there or top > cap
         if there:
             ends += [middle - 3.0 * width, middle + 3.0 * width]
             tops.append(min(top, cap))
     axes.set(xlim=(max(low, min(ends)), min(high, max(ends))), ylim=(0.0, 1.06 * max(tops)))
-    return leaving
 
 
 def _density(dp: Array) -> tuple[Array, Array]:
@@ -78,10 +76,6 @@ def _density(dp: Array) -> tuple[Array, Array]:
     mean, sd = _reach(dp)
     grid = np.linspace(mean - 6.0 * sd, mean + 6.0 * sd, 601)
     return grid, skewnormal.density(grid, dp)
-
-
-def _remark(leaving: int) -> str:
-    return f" Number of curves that leave the axes: {leaving}." if leaving else ""
 
 
 def histogram(case: Archive, name: str) -> Drawn:
@@ -95,14 +89,14 @@ def histogram(case: Archive, name: str) -> Drawn:
     labels = [f"{chosen.size} runs of the design", *[None] * 9]
     curves = [(material.dp[run], label, thin) for run, label in zip(chosen, labels, strict=False)]
     target = (material.target.dp, "target: fitted skew normal", drawing.TARGET | {"linewidth": 3.2})
-    leaving = _draw(axes, material, [*curves, target])
+    _draw(axes, material, [*curves, target])
     head(axes, case, name)
     axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 3)
     caption = (
         f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
         f"them, which is the target. Thin: simulated densities of {chosen.size} of the {design.size} runs of the "
-        f"design, chosen at random (seed {_SEED}).{_of_looks(case, material, chosen)}{_remark(leaving)}"
+        f"design, chosen at random (seed {_SEED}).{_of_looks(case, material, chosen)}"
     )
     alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
     return canvas, caption, alt
@@ -113,7 +107,7 @@ def densities(case: Archive, name: str) -> Drawn:
     material = case.materials[name]
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
-    leaving = _before_after(axes, material)
+    _before_after(axes, material)
     head(axes, case, name, f"rms {short(material.rms[material.best])} 1/{case.levels.unit}")
     axes.set(xlabel=f"backscatter [{case.levels.unit}]", ylabel=f"density [1/{case.levels.unit}]")
     add_legend(canvas, axes.get_legend_handles_labels(), 4)
@@ -122,17 +116,16 @@ def densities(case: Archive, name: str) -> Drawn:
         "of the search (blue), and measured (grey: histogram of the pixels; black: skew normal fitted to them, the "
         "target). Where blue lies on black, simulated and measured density agree."
         + _of_looks(case, material, np.array([0, material.best]))
-        + _remark(leaving)
     )
     alt = f"Densities of {name}'s backscatter: target, start and calibrated."
     return canvas, caption, alt
 
 
-def _before_after(axes: Axes, material: MaterialResult) -> int:
-    """Draw the densities of target, start and calibrated run; number of those that leave the axes."""
+def _before_after(axes: Axes, material: MaterialResult) -> None:
+    """Draw the densities of target, start and calibrated run."""
     target = (material.target.dp, "target", drawing.TARGET | {"linewidth": 4.5})
     found = (material.dp[material.best], "calibrated", drawing.FOUND)
-    return _draw(axes, material, [target, (material.dp[0], "start", drawing.START), found])
+    _draw(axes, material, [target, (material.dp[0], "start", drawing.START), found])
 
 
 def overview(case: Archive) -> Drawn:
@@ -142,9 +135,8 @@ def overview(case: Archive) -> Drawn:
     rows = -(-n // columns)
     canvas = new_canvas(9.5, 2.2 * rows + 1.0)
     grid = canvas.subplots(rows, columns, squeeze=False).ravel()
-    outside = 0
     for axes, (name, material) in zip(grid, case.materials.items(), strict=False):
-        outside += bool(_before_after(axes, material))
+        _before_after(axes, material)
         reason = case.decision.materials[name].reason or "running"
         width = 88 // columns
         lines = textwrap.wrap(shortened(name, 2 * width - 4), width)
@@ -163,9 +155,7 @@ def overview(case: Archive) -> Drawn:
         "Density of the backscatter of each material: simulated with the starting parameters (orange, dashed), "
         "simulated with the laws of the search (blue), and measured (grey: histogram of the pixels; black: skew normal "
         "fitted to them, the target). Titles give the rms difference between blue and black in "
-        f"1/{case.levels.unit}, and how the search ended."
-        + (_TEXTURED if case.bins else "")
-        + (f" Panels in which a curve leaves the axes: {outside}." if outside else "")
+        f"1/{case.levels.unit}, and how the search ended." + (_TEXTURED if case.bins else "")
     )
     return canvas, caption, f"Small densities of {n} materials: target, start and calibrated."
 

@@ -24,7 +24,6 @@ def front(case: Archive, name: str) -> Drawn | None:
     others = range(1, len(found.objectives))
     canvas = new_canvas(6.2, 0.8 + 4.4 * len(others))
     panels = canvas.subplots(len(others), 1, squeeze=False)[:, 0]
-    left_out = []
     for axes, other in zip(panels, others, strict=True):
         line, runs = (np.maximum(values[:, [0, other]], _LEAST) for values in (found.predicted, found.verified))
         line = line[np.argsort(line[:, 0], kind="stable")]
@@ -49,9 +48,6 @@ def front(case: Archive, name: str) -> Drawn | None:
             axis.set_minor_locator(NullLocator())
         axes.set_xlabel(f"squared residuals: {found.objectives[0]}")
         axes.set_ylabel(f"squared residuals: {found.objectives[other]}")
-        low, high = np.transpose([axes.get_xlim(), axes.get_ylim()])
-        left_out.append(((runs < low) | (runs > high)).any(axis=1))
-    outside = int(np.any(left_out, axis=0).sum())
     head(panels[0], case, name, "front of the last search")
     add_legend(canvas, panels[0].get_legend_handles_labels(), 3)
     best = found.verified[material.best]
@@ -61,8 +57,7 @@ def front(case: Archive, name: str) -> Drawn | None:
         "The line is their Pareto front in the last iteration: along it, one sum decreases only if another increases. "
         "A least-squares search on the surrogate then minimises the total of the sums. It starts from the best point "
         "of the line, from the best run and from further X, so that runs may lie below the line. Markers are runs of "
-        "the simulator"
-        f"{f', of which {outside} lie outside of the axes' if outside else ''}. "
+        "the simulator near the front. "
         f"The sums of squared residuals of the chosen run are {each}; smaller is better."
     )
     return canvas, caption, f"Front of the search for {name} with the runs and the chosen run, on logarithmic axes."

@@ -106,7 +106,6 @@ def cost_chart(case: Archive, name: str) -> Chart:
         limits=(float(ends[0]), float(ends[1])),
         panels=panels,
         height=6.2 if case.bins else 4.8,
-        whole=True,
     )
 
 

@@ -84,8 +84,8 @@ class _Shown:
         return self.summary["stop_reason"] in MET
 
     @property
-    def at_bounds(self) -> list[tuple[str, str, str]]:
-        """Name, side and bound with unit of the parameters at a bound beyond which a better law may lie.
+    def at_bounds(self) -> list[str]:
+        """Parameters at a bound beyond which a better law may lie.
 
         That may be where the form of the law is seen to be wrong or, if the form cannot be tested, the search has
         failed.
@@ -93,14 +93,8 @@ class _Shown:
         form = self.summary.get("misfit")
         if self.met if form is None else not form["noticed"]:
             return []
-        each = zip(
-            self.summary["parameters"].items(), self.configured.parameter_units, self.summary["bounds"], strict=True
-        )
-        return [
-            (name, side, f"{bounds[side == 'upper']:g} {unit}".rstrip())
-            for (name, value), unit, bounds in each
-            if (side := at_bound(value, *bounds))
-        ]
+        each = zip(self.summary["parameters"].items(), self.summary["bounds"], strict=True)
+        return [name for (name, value), bounds in each if at_bound(value, *bounds)]
 
 
 def _number(value: float | None, digits: int = 3) -> str:

@@ -320,12 +320,8 @@ def _conclusion(rows: Sequence[tuple[int, Prediction]]) -> Iterator[str]:
             (SEEN, "at angles that the calibration has seen, where sigma0 is not determined"),
             (OUTSIDE, "at angles that the calibration has not seen (an extrapolation)"),
         ):
-            of = [one for _, one in rows if (one.material, one.known) == (name, known)]
-            compared = [one for one in of if one.inside is not None]
-            if compared:
-                held = sum(bool(one.inside) for one in compared)
-                lie = "bin lies inside of its" if len(compared) == 1 else "bins lie inside of their"
-                yield f"{name}: {held} of {len(compared)} {lie} 90 % interval {where}."
-            elif of:
-                are, them = ("bin is", "it") if len(of) == 1 else ("bins are", "them")
-                yield f"{name}: {len(of)} {are} predicted {where}; nothing measured to compare {them} with."
+            own = [one for _, one in rows if (one.material, one.known) == (name, known)]
+            of = [one.inside for one in own if one.inside is not None]
+            if of:
+                lie = "bin lies inside of its" if len(of) == 1 else "bins lie inside of their"
+                yield f"{name}: {sum(of)} of {len(of)} {lie} 90 % interval {where}."
