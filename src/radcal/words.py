@@ -177,11 +177,6 @@ def _in_headline(findings: Iterable[Finding]) -> list[Finding]:
     return refused or warned[:1]
 
 
-def next_steps(findings: Iterable[Finding]) -> list[str]:
-    """What to do next, the most important first."""
-    return [one.text for one in asked_steps(findings)]
-
-
 def asked_steps(findings: Iterable[Finding]) -> list[Step]:
     """Steps that findings on the whole case ask for, the most important first."""
     asked = [one for one in findings if one.code in _STEPS and one.severity != "note" and _do(one)]

@@ -21,7 +21,7 @@ from radcal.config import Uncertainty
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE
 from radcal.targets.target import Targets
-from radcal.words import degrees, headline, next_steps, verdict
+from radcal.words import asked_steps, degrees, headline, verdict
 
 WRONG = {"1": made_radiometry(0.97)}
 UNCHECKED = {"1": NOTHING_SHOWN}
@@ -319,14 +319,15 @@ def test_next_steps_are_sorted_by_importance():
         *material_found(left_out={IN_THE_NOISE: 20}),
         Finding("another_law", "warning", "dyke", {"difference_db": 3.2, "law": "mangia"}, "materials.dyke.law"),
     ]
-    assert next_steps(found) == [
+    assert [step.text for step in asked_steps(found)] == [
         "set radar.radiometry: sigma0_ref",
         "check materials.water.parameters",
         "check the absolute calibration of the image",
     ]
-    assert next_steps(image_found()) == []
-    assert next_steps(image_found(**ONE)) == ["check materials.lake.parameters and the calibration of the image"]
-    assert not any("offset" in step for step in next_steps(found))
+    assert asked_steps(image_found()) == []
+    (step,) = asked_steps(image_found(**ONE))
+    assert step.text == "check materials.lake.parameters and the calibration of the image"
+    assert not any("offset" in step.text for step in asked_steps(found))
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.figures import drawing
@@ -30,16 +29,6 @@ _TEXTURED = (
 def _reach(dp: Array) -> tuple[float, float]:
     mean, sd, _ = skewnormal.centred(dp)
     return float(mean), float(sd)
-
-
-def _of_looks(case: Archive, material: MaterialResult, runs: NDArray[np.intp]) -> str:
-    """Part of the caption on the effective looks of the runs drawn; empty if texture is no part of the densities."""
-    looks = material.looks[runs]
-    if not (case.bins and np.isfinite(looks).any()):
-        return ""
-    low, high = short(float(np.nanmin(looks))), short(float(np.nanmax(looks)))
-    found = low if low == high else f"{low} to {high}"
-    return f"{_TEXTURED} The effective looks (speckle and texture) that the search found for these runs are {found}."
 
 
 def _draw(axes: Axes, material: MaterialResult, curves: Sequence[tuple[Array, str | None, Mapping[str, Any]]]) -> None:
@@ -96,7 +85,7 @@ def histogram(case: Archive, name: str) -> Drawn:
     caption = (
         f"Grey: the {material.target.values_db.size:,} measured pixels of {name}. Black: the skew normal fitted to "
         f"them, which is the target. Thin: simulated densities of {chosen.size} of the {design.size} runs of the "
-        f"design, chosen at random (seed {_SEED}).{_of_looks(case, material, chosen)}"
+        f"design, chosen at random (seed {_SEED}).{_TEXTURED * case.bins}"
     )
     alt = f"Histogram of {name}'s measured backscatter, its fitted density and those of some runs."
     return canvas, caption, alt
@@ -114,8 +103,7 @@ def densities(case: Archive, name: str) -> Drawn:
     caption = (
         "Density of the backscatter: simulated with the starting parameters (orange, dashed), simulated with the law "
         "of the search (blue), and measured (grey: histogram of the pixels; black: skew normal fitted to them, the "
-        "target). Where blue lies on black, simulated and measured density agree."
-        + _of_looks(case, material, np.array([0, material.best]))
+        "target). Where blue lies on black, simulated and measured density agree." + _TEXTURED * case.bins
     )
     alt = f"Densities of {name}'s backscatter: target, start and calibrated."
     return canvas, caption, alt

@@ -175,12 +175,6 @@ def _who(found: Sequence[_Shown], total: int) -> str:
     return _listed([m.name for m in found]) if len(found) <= 4 else f"{len(found)} of {total} materials"
 
 
-def _yaml(text: str) -> str:
-    import yaml
-
-    return yaml.safe_dump(json.loads(text), sort_keys=False, default_flow_style=None, width=100, allow_unicode=True)
-
-
 def _materials(
     archive: Archive, summary: Mapping[str, Any], figures: Sequence[Figure], plots: Sequence[Interactive]
 ) -> list[_Shown]:
@@ -221,6 +215,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     made : Provenance, optional
         Date, command, run time and input files.
     """
+    import yaml
     from jinja2 import Environment, PackageLoader, StrictUndefined
 
     summary = summarise(archive)
@@ -263,7 +258,7 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
         drawing=script(),
         made=made,
         simulator_seconds=float(np.nansum(archive.runs.seconds)),
-        config=_yaml(archive.config),
+        config=yaml.safe_dump(json.loads(archive.config), sort_keys=False, default_flow_style=None, allow_unicode=True),
     )
     with atomic(page) as partial:
         partial.write_text(text, encoding="utf-8")

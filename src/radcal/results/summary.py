@@ -20,7 +20,7 @@ from radcal.posterior.result import HeldOut, Posterior
 from radcal.registration.registered import Registered
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import found_words
-from radcal.words import beside_headline, headline, next_steps, remarks, sentence, verdict
+from radcal.words import asked_steps, beside_headline, headline, remarks, sentence, verdict
 
 _FORM = ("noticed", "refuted", "noticed_db")
 _DENSITY, _CENTRED = ("xi", "omega", "alpha"), ("mean", "sd", "skewness")
@@ -166,10 +166,6 @@ def _validation(held: HeldOut) -> dict[str, Any]:
         **{f"rmse_{which}db": held.rmse_db(by) for which, by in each.items()},
         **{f"coverage_{which}90": held.coverage_90(by) for which, by in each.items()},
     }
-
-
-def _finding(finding: Finding) -> dict[str, Any]:
-    return {**vars(finding), "text": sentence(finding, prefix=False)}
 
 
 def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str, Any]:
@@ -330,6 +326,7 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
     search = runs["design"] + runs["infill"]
     reused = int(np.count_nonzero(kinds == "reused"))
     fits = [material.fits for material in archive.materials.values()]
+    findings = (*archive.findings, *_notes(archive), *archive.law_notes)
     summary: dict[str, Any] = {
         "case": archive.configured.case,
         "objective": archive.configured.objective,
@@ -345,8 +342,8 @@ def summarise(archive: Archive, seconds: Mapping[str, float] | None = None) -> d
         "simulator": json.loads(archive.simulator),
         "notes": list(map(sentence, _notes(archive))),
         "warnings": _warnings(archive),
-        "next": next_steps(archive.findings),
-        "findings": [_finding(one) for one in (*archive.findings, *_notes(archive), *archive.law_notes)],
+        "next": [one.text for one in asked_steps(archive.findings)],
+        "findings": [{**vars(one), "text": sentence(one, prefix=False)} for one in findings],
         "law_notes": list(map(sentence, archive.law_notes)),
         "registration": _registration(archive.registered),
         "levels": {key: getattr(archive.levels, key) for key in _LEVELS}
