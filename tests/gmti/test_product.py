@@ -122,3 +122,10 @@ def test_contradictions_with_the_swath(build_case, scene, keys, says):
 def test_too_few_training_gates(build_case):
     with pytest.raises(ConfigError, match=r"gmti: training_gates is 20, expected at least 96: 2 x channels x pulses"):
         build_case(gmti={"training_gates": 20})
+
+
+def test_routes_that_leave_the_scene(build_case, moving):
+    """From 120 m east, at 9 m/s to the west: 12 s stay inside, 15 s do not."""
+    check(build_case(gmti=GMTI | {"scans": 5, "revisit_s": 3.0}), moving)
+    with pytest.raises(ConfigError, match=r"gmti.scans is 6: 1 of 1 movers leave the scene within 15 s"):
+        check(build_case(gmti=GMTI | {"scans": 6, "revisit_s": 3.0}), moving)

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
+from radcal.errors import ConfigError
 from radcal.figures.drawing import HIDDEN, new_canvas, styled
 from radcal.findings import Finding
 from radcal.gmti.adaptive import Interval, dpca, kelly_threshold
@@ -34,8 +35,17 @@ _NEAR_M = 30.0  # from a mover to its detection or track
 
 
 def check(case: Part, scene: Scene) -> None:
-    """Raise the errors of collection and processing interval, before anything is simulated."""
-    interval_of(case, collection(case, scene))
+    """Raise the errors of collection and processing interval, and of routes that leave the scene, before any work."""
+    one = collection(case, scene)
+    interval_of(case, one)
+    seconds, size = case.gmti.revisit_s * (case.gmti.scans - 1), np.array(scene.material.shape) * scene.cell_m
+    ends = movers_of(case, scene, one).after(seconds).place_m[:, :2]
+    ends[:, 1] = Sides.of(case, scene, one).east_m(ends[:, 1])
+    if left := int(((ends < 0.0) | (ends > size)).any(axis=1).sum()):
+        raise ConfigError(
+            f"gmti.scans is {case.gmti.scans}: {left} of {len(ends)} movers leave the scene within {seconds:g} s, "
+            "expected fewer scans or other routes."
+        )
 
 
 def write(stem: Path, made: Forward) -> list[Path | Finding]:
