@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -14,11 +15,13 @@ if TYPE_CHECKING:
 
 __all__ = ["open"]
 
-# A workflow job ends at Ctrl-C without a traceback, because Snakemake prints the message about the interruption. Until
-# it begins (radcal.session.jobs), it has only modules to import, among which the garbage collector would find nothing.
+# A workflow job ends at Ctrl-C without a traceback, because Snakemake prints the message about the interruption.
 if "RADCAL_OWNER" in os.environ:
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    gc.disable()
+    # Until the job begins (radcal.session.jobs), it only imports modules, which are no garbage. A program that a job
+    # starts inherits its environment, but is no script of Snakemake.
+    if "snakemake.script" in sys.modules:
+        gc.disable()
 
 __version__ = "0.2.0.dev0"
 
