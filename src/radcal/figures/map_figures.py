@@ -341,8 +341,8 @@ def residual(case: Archive) -> Drawn | None:
         f"First map: calibrated minus measured image, mean of the dB values over {_BOXCAR} x {_BOXCAR} pixels. Red: "
         f"the calibrated image is too bright, blue: too dark. Speckle alone, of {looks:g} looks in both images, gives "
         f"this mean a standard deviation of {speckle:.2g} dB, and more where neighbouring pixels are correlated. "
-        "Cream: pixels without ground of the scene, or without a measured value. Second map: the materials of the scene; "
-        "those marked * were calibrated, the others kept their laws."
+        "Cream: pixels without ground of the scene, or without a measured value. Second map: the materials of the "
+        "scene; those marked * were calibrated, the others kept their laws."
     )
     return canvas, caption, "Map of the difference between calibrated and measured image in dB, and the material map."
 

@@ -40,19 +40,19 @@ def scene(case: Archive) -> Drawn | None:
     flat = steepest_deg < _FLAT_DEG
     # the grid of a scene points north or, with a heading, along the track
     heading, west_m, south_m = case.configured.radar.heading_deg, view.west_m, view.south_m
-    across, along, lit = "east [km]", "north [km]", "north-west"
+    across, along, lit = "east [km]", "north [km]", "the north-west"
     if heading:
         across, along = "right of the track [km]", f"along the track, {heading:g} deg [km]"
         lit = "ahead on the left"
     ny, nx = elevation.shape
     sides = west_m / 1e3, (west_m + nx * cell_m) / 1e3, south_m / 1e3, (south_m + ny * cell_m) / 1e3
     count = 2 if flat else 3
-    canvas, (cmap, norm) = new_canvas(4.75 * count, 5.0), of_ids(case)
+    canvas, (cmap, norm) = new_canvas(4.0 * count, 4.6), of_ids(case)
     plans = canvas.subplots(1, count)
     if not flat:
         shade = LightSource(azdeg=315.0, altdeg=40.0).hillshade(elevation, dx=cell_m, dy=cell_m)
         plans[2].imshow(shade, cmap="gray", origin="lower", extent=sides)
-        plans[2].set_title(f"shaded relief, light from {lit}")
+        plans[2].set_title("shaded relief")
     plans[0].imshow(view.material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
     if objects_m is not None:
         # drawn as single pixels, so that their number does not matter
@@ -83,6 +83,8 @@ def scene(case: Archive) -> Drawn | None:
     )
     if view.crs is not None:
         caption += f" Coordinates are those of {crs_from(view.crs).name}."
+    if not flat:
+        caption += f" The light of the shaded relief comes from {lit}."
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
     return canvas, caption, "Material map and elevation map." if flat else "Material map, elevation map, shaded relief."
