@@ -71,7 +71,7 @@ def scene(case: Archive) -> Drawn | None:
         panel.locator_params(nbins=5)
         panel.ticklabel_format(useOffset=False)
     look = 1.0 if case.configured.radar.look_side == "right" else -1.0
-    add_arrows(plans[0], (0.06, 0.84), {"N": (-np.sin(np.radians(heading)), np.cos(np.radians(heading)))})
+    add_arrows(plans[0], (0.06, 0.81), {"N": (-np.sin(np.radians(heading)), np.cos(np.radians(heading)))})
     add_arrows(plans[0], (0.5 - 0.44 * look, 0.06), {"flight": (0.0, 1.0), "look": (look, 0.0)})
     places = [int(k) - 1 for k in np.unique(view.material) if 0 < k <= len(case.names)]
     add_fills(canvas, [colours_of(case)[k] for k in places], [label(case.names[k], 30) for k in places], 6)
