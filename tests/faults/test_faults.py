@@ -266,7 +266,9 @@ def test_a_clock_that_jumps(finished, hours):
 
 def test_a_hundred_damaged_stores_are_recognised(finished):
     out, random = finished.out(), np.random.default_rng(4)
-    files = [path for path in sorted(out.rglob("*")) if path.suffix in (".h5", ".json") and path.is_file()]
+    # the images of 32 looks are no outputs of rules: the store that reads one sets a damaged one aside, as with runs
+    every = [path for path in sorted(out.rglob("*")) if path.parent.name != "draws" and path.is_file()]
+    files = [path for path in every if path.suffix in (".h5", ".json")]
     assert {path.stem for path in files} >= set(SEALED)
     spare = finished.folder / "spare"
     shutil.copytree(out, spare)
