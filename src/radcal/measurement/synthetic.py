@@ -27,7 +27,6 @@ from radcal.registration.displacement import invert, warp
 from radcal.scene.model import Scene
 from radcal.sections.measurement import Synthetic
 from radcal.seeds import derived_rng, measurement_seed
-from radcal.signals.simulator import FocusedSimulator
 from radcal.simulators.base import Simulator
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.speckle.texture import order_of_texture, texture_db
@@ -148,6 +147,8 @@ def _focused_db(
     seed: int,
 ) -> NDArray[np.float32]:
     """Mean power of the looks of an image focused from raw signals of the disturbed scene, pass and laws [dB]."""
+    from radcal.signals.simulator import FocusedSimulator
+
     radar = _other_pass(case.radar, synthetic)
     geometry, scene = _other_ground(radar, synthetic, geometry, scene)
     materials = {
