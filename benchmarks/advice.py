@@ -308,7 +308,7 @@ def calibrated(case: Case, ground: Ground, passes: list[Pass], folder: Path) -> 
     stage = STAGES["posterior"].of(case)
     parameters = case.start_parameters | {NAME: list(history.best(NAME).parameters)}
     cells = []
-    for one, geometry, registered, found in zip(stage.passes, geometries, images, targets.passes, strict=True):
+    for one, geometry, registered, found in zip(stage.passes, geometries, images, targets, strict=True):
         radar = one.radar.model_copy(update={"looks": LOOKS})
         simulated = Simulated(BuiltinSimulator(geometry, radar, one.laws).run(parameters, SEED), parameters)
         cells.append(observe(one, geometry, registered, [simulated], found.levels, ground.scene))

@@ -100,7 +100,7 @@ def searched(bench: Bench, case: Case, truth: list[float]) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         runner = bench.runner(case, Path(folder))
         targets = bench.targets(case, runner)
-        history, decision = calibrate(case, runner, targets)
+        history, decision = calibrate(case, [runner], [targets])
         best, seen = history.best("dyke"), targets["dyke"].incidence_deg
         return {
             "ended": decision.reason,
@@ -123,7 +123,7 @@ def searched_by_smt(bench: Bench, case: Case) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as folder:
         runner = bench.runner(case, Path(folder))
         targets = bench.targets(case, runner)
-        history, _ = calibrate(other, runner, targets)  # the design alone
+        history, _ = calibrate(other, [runner], [targets])  # the design alone
         history = continued(other.model_copy(update={"stop": case.stop}), runner, targets, history)
     return {"smt_runs": history.count("design") + history.count("infill") - MORE, "smt": lowest(history)}
 
@@ -133,7 +133,7 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
 
     The steps are those of the calibration loop, but each surrogate is trained once: smt needs seconds for it.
     """
-    settings, objectives = STAGES["verify"].of(case), make_objectives(STAGES["scores"].of(case), targets)
+    settings, objectives = STAGES["verify"].of(case), make_objectives(STAGES["scores"].of(case), [targets])
     objective, more = objectives["dyke"], MORE
 
     def search() -> Search:
@@ -146,8 +146,8 @@ def continued(case: Case, runner: Runner, targets: Targets, history: History) ->
         seed = derived_seed(case.seed, "propose", "dyke", k)
         proposal = now.propose(case.optimiser, seed, best, history.failures("dyke"))
         parameters = all_parameters(case.materials, {"dyke": proposal.parameters})
-        records = run_all_draws(settings, runner, parameters)
-        run = score("infill", k, records, parameters, targets, objectives, case.seed)
+        records = run_all_draws(settings, [runner], parameters)
+        run = score("infill", k, records, parameters, [targets], objectives, case.seed)
         run = replace(run, proposals={"dyke": proposal})
         history = History([*history.runs, run])
         now = search()
@@ -172,13 +172,13 @@ def gap_with_other_speckle(bench: Bench, case: Case, stop: Score, best: Score) -
     with tempfile.TemporaryDirectory() as folder:
         runner = bench.runner(case, Path(folder))
         targets = bench.targets(case, runner)
-        objectives = make_objectives(STAGES["scores"].of(case), targets)
+        objectives = make_objectives(STAGES["scores"].of(case), [targets])
 
         def mean_cost(found: Score) -> float:
             parameters = all_parameters(case.materials, {"dyke": found.parameters})
-            draws = run_all_draws(settings, runner, parameters)[0].draws[each - 1 :]
+            draws = run_all_draws(settings, [runner], parameters)[0].draws[each - 1 :]
             others = [replace(draws[k], draws=draws[k + 1 : k + each]) for k in range(0, len(draws), each)]
-            runs = [score("infill", 0, [one], parameters, targets, objectives, case.seed) for one in others]
+            runs = [score("infill", 0, [one], parameters, [targets], objectives, case.seed) for one in others]
             return float(np.mean([run.scores["dyke"].cost for run in runs]))
 
         return 0.0 if stop.parameters == best.parameters else mean_cost(stop) - mean_cost(best)

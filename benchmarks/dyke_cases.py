@@ -92,7 +92,7 @@ class Bench:
     def targets(self, case: Case, runner: Runner) -> Targets:
         """Targets of a case, made as the workflow makes them."""
         measurement = make_measurement(STAGES["measurement"].of(case), self.geometry, self.simulator, self.scene)
-        reference = reference_runs(STAGES["reference_run"].of(case), runner)[0][0].image_db
+        reference = reference_runs(STAGES["reference_run"].of(case), [runner])[0][0].image_db
         assert reference is not None  # the reference run keeps its image
         registered, stage = register(reference, measurement, case.registration), STAGES["target"].of(case)
         misfit = objective_class(stage.objective).misfit

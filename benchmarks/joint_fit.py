@@ -163,18 +163,18 @@ def widths(case: Case, folder: Path, seed: int) -> dict[str, Any]:
     reference = STAGES["reference_run"].of(case)
     runner = Runner(RunStore(folder / "runs"), simulator, geometry, b.scene.identity, reference)
     measurement = make_measurement(STAGES["measurement"].of(case), geometry, simulator, b.scene)
-    registered, run = register_rounds(case, runner, geometry, measurement, b.scene)
+    registered, run = register_rounds(case, [runner], geometry, measurement, b.scene)
     stage = STAGES["target"].of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
     targets = make_targets(stage, geometry, registered, start, objective_class(stage.objective).misfit, scene=b.scene)
-    history, _ = calibrate(case, runner, targets, registration=run)
+    history, _ = calibrate(case, [runner], [targets], registration=run)
     stage = STAGES["posterior"].of(case)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters for name in MATERIALS})
     final = [runner.run(parameters, noise_seed(case, fresh), image=fresh) for fresh in (False, True)]
     runs = [(one, parameters) for one in final]
     images = simulated_of(stage, b.scene, [geometry], runs, str(folder / "draws"))
     cells = [observe(stage, geometry, registered, images[0], targets.levels, b.scene)]
-    objectives = make_objectives(stage, targets)
+    objectives = make_objectives(stage, [targets])
     models: list[LawModel] = []
     bands: list[tuple[Any, ...]] = []
 
@@ -201,7 +201,7 @@ def widths(case: Case, folder: Path, seed: int) -> dict[str, Any]:
     first = next(iter(whole.shared))
     image = replace(whole, shared={first: whole.shared[first]})
     with patch.object(assessment, "LawModel", Kept), patch.object(assessment, "with_band", with_band):
-        cut = [assessment.posterior_of(stage, targets, history, objectives[n], cells, image) for n in MATERIALS]
+        cut = [assessment.posterior_of(stage, [targets], history, objectives[n], cells, image) for n in MATERIALS]
     with one_thread():
         scales = _Scales(observed, areas, stage.uncertainty, False, {tuple(map(int, first.split())): 1.0})
         best = [np.asarray(history.best(name).parameters) for name in MATERIALS]

@@ -76,7 +76,7 @@ class Bench:
         assert reference is not None  # asked for
         registered = register(reference, measurement, case.registration)
         targets = make_targets(case, self.geometry, registered, reference, None)
-        history, decision = calibrate(case, self.runner, targets)
+        history, decision = calibrate(case, [self.runner], [targets])
         return list(history.best("dyke").parameters), str(decision.reason), targets.levels.offset_db
 
 

@@ -62,7 +62,7 @@ def searched(bench: Bench, folder: Path, number: int, free: list[str]) -> dict[s
     with tempfile.TemporaryDirectory() as runs:
         runner = bench.runner(case, Path(runs))
         targets = bench.targets(case, runner)
-        history, decision = calibrate(case, runner, targets)
+        history, decision = calibrate(case, [runner], [targets])
     errors = [
         case.laws[name].largest_difference_db(history.best(name).parameters, hidden[name], targets[name].incidence_deg)
         for name in free

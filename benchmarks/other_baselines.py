@@ -82,7 +82,7 @@ def searched(bench: Bench, objective: str, number: int, truth: list[float]) -> d
             case = case_of(bench, f"{objective}_{name}_{number}", objective, number, truth, settings)
             runner = bench.runner(case, Path(folder) / name)
             targets = bench.targets(case, runner)
-            history, decision = calibrate(case, runner, targets)
+            history, decision = calibrate(case, [runner], [targets])
             best = history.best("dyke")
             row = {
                 "ended": str(decision.reason),
@@ -121,9 +121,9 @@ def case_of(
 def cost_at(case: Case, runner: Runner, targets: Targets, x: Sequence[float]) -> float:
     """Cost of a run with the given X of the dyke."""
     parameters = all_parameters(case.materials, {"dyke": list(x)})
-    records = run_all_draws(STAGES["verify"].of(case), runner, parameters)
-    objectives = make_objectives(STAGES["scores"].of(case), targets)
-    return score("infill", 0, records, parameters, targets, objectives, case.seed).scores["dyke"].cost
+    records = run_all_draws(STAGES["verify"].of(case), [runner], parameters)
+    objectives = make_objectives(STAGES["scores"].of(case), [targets])
+    return score("infill", 0, records, parameters, [targets], objectives, case.seed).scores["dyke"].cost
 
 
 def summary(rows: list[dict[str, Any]], black_box: list[dict[str, Any]]) -> dict[str, Any]:

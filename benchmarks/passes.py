@@ -92,7 +92,7 @@ def case_of(truth: list[float], number: int, depressions: tuple[float, ...]) -> 
 
 def calibrated_passes(
     case: Case, scene: Scene, geometries: list[Geometry], folder: Path
-) -> tuple[Targets, History, Decision, list[Registered]]:
+) -> tuple[list[Targets], History, Decision, list[Registered]]:
     """Calibration of a case of one or several passes, with their runs in a folder, and their registered images."""
     runners: list[Runner] = []
     targets: list[Targets] = []
@@ -107,8 +107,7 @@ def calibrated_passes(
         images.append(registered)
         misfit = objective_class(stage.objective).misfit
         targets.append(make_targets(stage, geometry, registered, start, misfit, scene=scene))
-    targets[0].passes, runners[0].passes = targets, runners
-    return targets[0], *calibrate(case, runners[0], targets[0]), images
+    return targets, *calibrate(case, runners, targets), images
 
 
 def calibrated(case: Case, scene: Scene, geometries: list[Geometry], truth: np.ndarray) -> dict[str, Any]:

@@ -95,7 +95,7 @@ class Problem:
         self.rms: list[float] = []
         self.runner = bench.runner(self.case, runs)
         self.targets = bench.targets(self.case, self.runner)
-        self._objectives = make_objectives(STAGES["scores"].of(self.case), self.targets)
+        self._objectives = make_objectives(STAGES["scores"].of(self.case), [self.targets])
         (objective,) = self._objectives[_NAME].passes
         assert objective is not None  # a case of one pass
         self._target, self._scale = from_dp(objective.material.target.dp)[None], objective.scale
@@ -143,8 +143,8 @@ class Problem:
     def _run(self, unit: Doubles) -> tuple[Doubles, float]:
         x = self._low + np.clip(unit, 0.0, 1.0) * self._width
         parameters = all_parameters(self.case.materials, {_NAME: x.tolist()})
-        records = run_all_draws(STAGES["verify"].of(self.case), self.runner, parameters)
-        run = score("infill", 0, records, parameters, self.targets, self._objectives, self.case.seed)
+        records = run_all_draws(STAGES["verify"].of(self.case), [self.runner], parameters)
+        run = score("infill", 0, records, parameters, [self.targets], self._objectives, self.case.seed)
         found = run.scores[_NAME]
         return ((np.array(found.statistics) - self._target) / self._scale)[0], found.rms
 
@@ -211,7 +211,7 @@ def calibrated(problem: Problem, published: bool = False) -> str:
         return scales[key]
 
     with mock.patch.object(surrogate, "train_smt", every if published else train_smt):
-        history, decision = calibrate(problem.case, problem.runner, problem.targets)
+        history, decision = calibrate(problem.case, [problem.runner], [problem.targets])
     problem.rms += [run.scores[_NAME].rms for run in history.runs if run.kind in ("design", "infill")]
     return str(decision.reason)
 

@@ -44,12 +44,12 @@ def moments(points: Array) -> dict[str, Array]:
         case = load([bench.reachable("training", hidden_laws(1)[0].tolist(), {"objective": "density"})])
         runner = bench.runner(case, Path(folder) / "runs")
         targets = bench.targets(case, runner)
-        objectives = make_objectives(case, targets)
+        objectives = make_objectives(case, [targets])
         found = []
         for number, x in enumerate(points.tolist()):
             parameters = all_parameters(case.materials, {"dyke": x})
-            records = run_all_draws(case, runner, parameters)
-            run = score("design", number, records, parameters, targets, objectives, case.seed)
+            records = run_all_draws(case, [runner], parameters)
+            run = score("design", number, records, parameters, [targets], objectives, case.seed)
             found.append(run.scores["dyke"].statistics[0])
     return dict(zip(("mean", "log sd", "skewness"), np.array(found).T, strict=True))
 

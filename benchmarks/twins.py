@@ -478,11 +478,11 @@ def calibrated(
         RunStore(folder / "runs"), simulator, b.geometry, b.scene.identity, STAGES["reference_run"].of(case)
     )
     measurement = make_measurement(STAGES["measurement"].of(case), b.geometry, simulator, b.scene)
-    registered, run = register_rounds(case, runner, b.geometry, measurement, b.scene)
+    registered, run = register_rounds(case, [runner], b.geometry, measurement, b.scene)
     stage = STAGES["target"].of(case)
     start = runner.run(case.start_parameters, noise_seed(case), image=True).image_db
     targets = make_targets(stage, b.geometry, registered, start, objective_class(stage.objective).misfit, scene=b.scene)
-    history, decision = calibrate(case, runner, targets, registration=run)
+    history, decision = calibrate(case, [runner], [targets], registration=run)
     found = {"runs": len(history.runs), "ended": str(decision.reason), "registration": registered.verdict}
     if saved is not None:
         keep(case, b, folder, runner, history, registered, saved)
@@ -510,11 +510,11 @@ def band(
     images = simulated_of(stage, b.scene, [b.geometry], [(run, parameters) for run in final], str(runs / "draws"))
     cells = [observe(stage, b.geometry, registered, images[0], targets.levels, b.scene)]
     image = image_of(stage, cells)
-    objectives = make_objectives(stage, targets)
-    posterior = posterior_of(stage, targets, history, objectives[name], cells, image)
+    objectives = make_objectives(stage, [targets])
+    posterior = posterior_of(stage, [targets], history, objectives[name], cells, image)
     archive = STAGES["archive"].of(case)
     found = conclude(
-        archive, case.stop, history, targets, objectives, b.geometry, runs, final, {name: posterior}, image,
+        archive, case.stop, history, [targets], objectives, b.geometry, runs, final, {name: posterior}, image,
         [registered],
     )  # fmt: skip
     posterior = found.posteriors[name]

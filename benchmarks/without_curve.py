@@ -112,16 +112,16 @@ def main() -> None:
 def searched(bench: Bench, free: Sequence[str], number: int, truth: list[float], folder: Path) -> dict[str, Any]:
     """Runs and cost at the stop, cost at the hidden values, and lowest cost of a dense search."""
     case, runner, targets = prepared(bench, free, number, truth, folder)
-    history, decision = calibrate(case, runner, targets)
+    history, decision = calibrate(case, [runner], [targets])
     best = history.best("dyke")
     low, high = np.array(case.materials["dyke"].box).T
 
-    objectives, settings = make_objectives(STAGES["scores"].of(case), targets), STAGES["verify"].of(case)
+    objectives, settings = make_objectives(STAGES["scores"].of(case), [targets]), STAGES["verify"].of(case)
 
     def cost_at(x: NDArray[np.float64]) -> float:
         parameters = all_parameters(case.materials, {"dyke": x.tolist()})
-        records = run_all_draws(settings, runner, parameters)
-        return score("infill", 0, records, parameters, targets, objectives, case.seed).scores["dyke"].cost
+        records = run_all_draws(settings, [runner], parameters)
+        return score("infill", 0, records, parameters, [targets], objectives, case.seed).scores["dyke"].cost
 
     def cost(unit: NDArray[np.float64]) -> float:
         return cost_at(low + np.clip(unit, 0.0, 1.0) * (high - low))

@@ -54,11 +54,13 @@ class Made:
 
     def gathered(self, path, **changes):
         """Results of the same calibration but for some arguments, written and read back."""
-        at = SimpleNamespace(**{**vars(self), "runs": self.path.parent / "runs", "image": image(), **changes})
+        at = SimpleNamespace(
+            **{**vars(self), "runs": self.path.parent / "runs", "image": image(), "every": [self.targets], **changes}
+        )
         case = STAGES["archive"].of(at.case)
         each = [posterior() if case.laws[name].has_curve else without_curve() for name in at.targets]
         archive = archive_of(
-            case, at.history, at.scene, at.geometry, at.passes or [at.registered], at.targets, at.runs,
+            case, at.history, at.scene, at.geometry, at.passes or [at.registered], at.every, at.runs,
             at.final, each, at.image,
         )  # fmt: skip
         write_archive(path, archive)

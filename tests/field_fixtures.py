@@ -65,4 +65,4 @@ def runner(parts, tmp_path_factory):
 @pytest.fixture(scope="session")
 def calibrated(parts, runner):
     case, _, _, _, targets = parts
-    return calibrate(case, runner, targets)
+    return calibrate(case, [runner], [targets])

@@ -20,7 +20,7 @@ from radcal.figures.drawing import STYLE
 from radcal.products.showing import show
 from radcal.products.simulated import forward
 from radcal.seeds import noise_seed
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.targets.target import read_targets
 
 
@@ -73,8 +73,9 @@ def test_pictures_and_page_are_there(finished):
 def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeypatch):
     monkeypatch.chdir(finished.folder)
     case = load(["tiny.yaml"])
-    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "passes/1/geometry.h5", tmp_path / "runs")
-    history, decision = calibrate(case, runner, read_targets(finished.out() / "passes/1/target.h5"))
+    geometry = finished.out() / "passes/1/geometry.h5"
+    runners = make_runners(case, finished.out() / "scene.h5", [geometry], tmp_path / "runs")
+    history, decision = calibrate(case, runners, read_targets([finished.out() / "passes/1/target.h5"]))
     assert decision.converged
     assert [run.index for run in history.infill] == list(range(len(history.infill)))
     with h5py.File(finished.out() / "calibration.h5") as file:
@@ -93,9 +94,10 @@ def test_exported_materials_in_another_case_give_the_calibrated_image_again(fini
     Path("other.yaml").write_text(yaml.safe_dump(other))
     case = load(["other.yaml"])
     assert (list(case.materials), case.calibrated) == (["field", "lake"], ["lake"])
-    runner = make_runner(case, finished.out() / "scene.h5", finished.out() / "passes/1/geometry.h5", tmp_path / "runs")
+    geometry = finished.out() / "passes/1/geometry.h5"
+    runners = make_runners(case, finished.out() / "scene.h5", [geometry], tmp_path / "runs")
     parameters = {name: material.start_parameters for name, material in case.materials.items()}
-    image = runner.run(parameters, noise_seed(case, fresh=True), image=True).image_db
+    image = runners[0].run(parameters, noise_seed(case, fresh=True), image=True).image_db
     np.testing.assert_array_equal(radcal.open(finished.out()).array("calibrated"), image)
     # without a measurement, and with nothing to calibrate
     del other["materials"], other["measurement"]

@@ -60,7 +60,7 @@ def parts(tmp_path_factory):
     ]
     folder = tmp_path_factory.mktemp("runs")
     RunStore(folder).put(reference, {"simulator": {"kind": "made up"}})
-    targets = Targets({"area": target})
+    targets = [Targets({"area": target})]
     made = make_objectives(case, targets)
     arguments = (case, History(runs), targets, made, seen, folder, tuple(final))
     return (*arguments, KNOWN, made_image()), reference
@@ -74,7 +74,7 @@ def found(parts):
 def test_pixels_are_those_of_reference_and_final_runs_with_the_texture_of_each(parts, found):
     """Of 4 looks, as the reference run suits best, there is none; the best run suits 2.5."""
     (*_, final, _, _), reference = parts
-    shown, order = found.materials["area"], parts[0][2]["area"].order
+    shown, order = found.materials["area"], parts[0][2][0]["area"].order
     np.testing.assert_array_equal(shown.start, reference.pixels_db["area"][order])
     wanted = log_speckle_cumulants(2.5)[1] - log_speckle_cumulants(4.0)[1]
     added = [
@@ -101,7 +101,7 @@ def test_the_picture_is_the_fresh_run_with_the_texture_of_the_calibrated_materia
     same = found.calibrated_db == final[1].image_db
     assert same[:, 50:].all()
     assert not same[:, :50].any()
-    pixels, order = found.calibrated_db.ravel()[seen.pixels("area")], parts[0][2]["area"].order
+    pixels, order = found.calibrated_db.ravel()[seen.pixels("area")], parts[0][2][0]["area"].order
     np.testing.assert_array_equal(pixels[order], found.materials["area"].fresh)
 
 

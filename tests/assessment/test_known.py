@@ -47,7 +47,7 @@ def of_image(image, *declared, **keys):
 
 def of_material(posterior, targets=None, refused=False):
     targets = Targets({"dyke": seen(50)}) if targets is None else targets
-    return list(material_findings(case(), "dyke", posterior, targets, refused))
+    return list(material_findings(case(), "dyke", posterior, [targets], refused))
 
 
 def seen(pixels, **changes):
@@ -252,7 +252,7 @@ def image_found(**changes):
 def material_found(name="dyke", refused=False, spread_deg=12.0, left_out=None, **changes):
     angle = np.linspace(32.0 - spread_deg, 32.0 + spread_deg, 50)
     target = make_target(np.linspace(-9.0, -5.0, 50), angle, left_out=left_out or {})
-    return list(material_findings(case(), name, made_posterior(**changes), Targets({name: target}), refused))
+    return list(material_findings(case(), name, made_posterior(**changes), [Targets({name: target})], refused))
 
 
 def test_the_verdict_on_a_material():

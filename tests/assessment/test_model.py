@@ -26,6 +26,7 @@ from radcal.posterior.cells import CellMeans
 from radcal.posterior.prediction import constant_of
 from radcal.posterior.result import Image
 from radcal.radar.radiometry import with_noise_db
+from radcal.targets.target import Targets
 
 BRIEF = Uncertainty(walkers=32, steps=100)
 
@@ -135,7 +136,7 @@ def test_a_wrong_incidence_bends_the_law_by_its_share_of_the_variance():
     target = SimpleNamespace(incidence_deg=angle.astype(np.float32), classes=SimpleNamespace(incidence_error_deg=3.0))
     exact = replace_classes(target, 0.0)
     wide = replace_classes(target, 30.0)
-    targets = SimpleNamespace(passes=[{"dyke": target}, {}, {"dyke": exact}, {"dyke": wide}])
+    targets = [Targets(one) for one in ({"dyke": target}, {}, {"dyke": exact}, {"dyke": wide})]
     found = model._attenuation(targets, "dyke")
     share = 1.0 - 9.0 / angle.var()
     assert found == [pytest.approx((36.0, share)), (0.0, 1.0), (0.0, 1.0), pytest.approx((36.0, 0.2))]
@@ -167,8 +168,9 @@ def known_case(passes=1):
         passes=[SimpleNamespace(prior=None)] * passes,
     )
     score = SimpleNamespace(parameters=best)
-    one = SimpleNamespace(incidence_deg=np.linspace(28.0, 46.0, 60).astype(np.float32), classes=None)
-    targets = SimpleNamespace(passes=[{"dyke": one}] * passes, level_only=lambda name: False)
+    angles = np.linspace(28.0, 46.0, 60).astype(np.float32)
+    one = SimpleNamespace(incidence_deg=angles, classes=None, level_only=False)
+    targets = [Targets({"dyke": one})] * passes
     case = SimpleNamespace(
         passes=[SimpleNamespace(laws={"dyke": LINE})] * passes,
         target=SimpleNamespace(normalisation="none"),
@@ -199,7 +201,7 @@ def test_a_material_without_cells_has_its_bounds_and_a_finding(monkeypatch):
 
 def test_cells_of_a_pass_without_a_target_are_left_out(monkeypatch):
     known = known_case(passes=2)
-    known.targets.passes[1] = {}
+    known.targets[1] = Targets({})
     cells = seen_cells(np.random.default_rng(5), 40)
     assert posterior(known, [{}, {"dyke": cells}]).cells == 0
     assert posterior(known, [{}, {"dyke": cells}]).seen_deg.shape == (1, 2)

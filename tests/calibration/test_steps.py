@@ -37,7 +37,7 @@ def made(parts, calibrated):
     """Objectives and history before any infill."""
     case, *_, targets = parts
     history, _ = calibrated
-    return make_objectives(case, targets), History([run for run in history.runs if run.kind != "infill"])
+    return make_objectives(case, [targets]), History([run for run in history.runs if run.kind != "infill"])
 
 
 @pytest.mark.slow
@@ -45,10 +45,10 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     case, *_, targets = parts
     history, _ = calibrated
     write_targets(tmp_path / "target.h5", targets)
-    again = read_targets(tmp_path / "target.h5")
+    (again,) = read_targets([tmp_path / "target.h5"])
     assert all(target.classes is not None for target in targets.values())
     assert same(dict(again), dict(targets))
-    objectives = make_objectives(case, again)
+    objectives = make_objectives(case, [again])
     write_runs(tmp_path / "runs.json", made[1].runs)
     start = read_runs([tmp_path / "runs.json"])
     trained = [train_all(start, STAGES["train"].of(case), objectives, processes) for processes in (1, 2)]
@@ -59,7 +59,7 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     assert proposals == [dict(history.infill[0].proposals)]
     write_proposals(tmp_path / "proposals.json", proposals)
     read = read_proposals(tmp_path / "proposals.json")
-    (verified,), ahead = verify(read, again, objectives, runner, STAGES["verify"].of(case), start, 0, 2)
+    (verified,), ahead = verify(read, [again], objectives, [runner], STAGES["verify"].of(case), start, 0, 2)
     assert replace(verified, seconds=0.0) == replace(history.infill[0], seconds=0.0)
     # the next iteration has the training of the verification, in the same bits, and trains what was left out
     after, train = History([*start.runs, verified]), STAGES["train"].of(case)
@@ -136,7 +136,6 @@ class Recorded:
 
     def __init__(self):
         self.asked = []
-        self.passes = (self,)
 
     def run(self, parameters, seed, image=False, repeat=False):
         self.asked.append((seed, image, repeat))
@@ -146,7 +145,7 @@ class Recorded:
 @pytest.mark.parametrize(("deterministic", "runs"), [(None, 2), (True, 1), (False, 1)])
 def test_only_a_program_that_declares_nothing_repeats_its_reference_run(build_case, deterministic, runs):
     case, runner = program(build_case, deterministic=deterministic), Recorded()
-    assert len(reference_runs(STAGES["reference_run"].of(case), runner)) == runs
+    assert len(reference_runs(STAGES["reference_run"].of(case), [runner])) == runs
     seed = noise_seed(case)
     assert runner.asked == [(seed, True, False), (seed, False, True)][:runs]
 
@@ -176,7 +175,7 @@ def test_score_asks_every_target_and_no_other_law(parts, runner, made):
     case, *_, targets = parts
     record = runner.run(TRUTH, noise_seed(case))
     fixed = {"road": [3.0]}  # a material that is not calibrated
-    found = score("design", 4, [record], TRUTH | fixed, targets, made[0], case.seed, other_law=["lake"])
+    found = score("design", 4, [record], TRUTH | fixed, [targets], made[0], case.seed, other_law=["lake"])
     assert (found.kind, found.index, found.keys) == ("design", 4, [record.key])
     assert {name: one.parameters for name, one in found.scores.items()} == TRUTH
     field, lake = found.scores["field"], found.scores["lake"]
@@ -194,7 +193,7 @@ def test_statistics_are_means_over_the_draws_of_speckle(parts, runner, made):
     each = [runner.run(TRUTH, seed) for seed in (noise_seed(case), 77, 78)]
 
     def statistics(record):
-        return score("design", 0, [record], TRUTH, targets, made[0], case.seed).scores["lake"].statistics
+        return score("design", 0, [record], TRUTH, [targets], made[0], case.seed).scores["lake"].statistics
 
     alone = [statistics(record) for record in each]
     whole = statistics(replace(each[0], draws=tuple(each[1:])))
@@ -208,7 +207,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     rng = np.random.default_rng(1)
     again = {name: (v + rng.normal(0.0, 0.5, v.shape)).astype(np.float32) for name, v in first.pixels_db.items()}
     second = Record("again", again, None, 0.1)
-    runs = score_reference(STAGES["scores"].of(case), [[first], [second]], targets, made[0])
+    runs = score_reference(STAGES["scores"].of(case), [[first], [second]], [targets], made[0])
     assert runs[0].rms_sampling == {name: target.rms_sampling for name, target in targets.items()}
     assert runs[1].repeat_db == pytest.approx(2.3, abs=0.7), "the largest of 8,000 normal differences of 0.5 dB"
     variance = History(runs).noise_variance("field")
@@ -216,7 +215,7 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     # half of the variance of the difference, of the mean of the pixels of a bin; three standard errors of the bootstrap
     wanted = 0.5 * 0.5**2 / (targets["field"].effective / 3.0)
     assert np.mean(variance[:, 0]) == pytest.approx(wanted, rel=0.32)
-    equal = score_reference(STAGES["scores"].of(case), [[first], [first]], targets, made[0])
+    equal = score_reference(STAGES["scores"].of(case), [[first], [first]], [targets], made[0])
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0
 
@@ -251,4 +250,4 @@ def test_a_start_of_another_law_asks_for_its_runner(build_case):
         measurement={"synthetic": {"parameters": {"field": [-4.0, -9.5, -12.0]}}},
     )
     with pytest.raises(ValueError, match=r"\['field'\] start with another law"):
-        calibrate(case, None, Targets({}))
+        calibrate(case, [], [Targets({})])

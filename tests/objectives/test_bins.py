@@ -31,7 +31,7 @@ ANGLES = np.radians([25.0, 32.0, 40.0])
 @pytest.fixture(scope="module")
 def objectives(parts):
     case, _, _, _, targets = parts
-    return make_objectives(case, targets)
+    return make_objectives(case, [targets])
 
 
 def laws_are_right(history):
@@ -254,8 +254,8 @@ def test_the_likelihood_of_the_pixels_finds_the_laws_too(parts, tmp_path):
     few = case.optimiser.model_copy(update={"population": 8, "evaluations": 8})
     case = case.model_copy(update={"objective": "likelihood", "optimiser": few})
     runner = Runner(RunStore(tmp_path / "runs"), simulator, geometry, scene.identity, case)
-    history, decision = calibrate(case, runner, targets)
-    objectives = make_objectives(case, targets)
+    history, decision = calibrate(case, [runner], [targets])
+    objectives = make_objectives(case, [targets])
     assert all(objective.misfit is LikelihoodMisfit for objective in objectives.values())
     assert decision.reason == "settled"
     laws_are_right(history)

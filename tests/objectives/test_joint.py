@@ -23,7 +23,6 @@ from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.speckle.texture import equal_texture, log_speckle_cumulants
 from radcal.storage.runs import Record
-from radcal.targets.target import Targets
 from radcal.targets.target_fit import make_targets
 
 TRUTH = {"field": [-9.0, 4.0, 12.0, 3.0], "lake": [-20.0, 3.0, 15.0, 5.0]}
@@ -63,9 +62,7 @@ def two_passes(objective, looks=(4, 4)):
         records.append(
             Record(f"run{number}", {name: image.ravel()[geometry.pixels(name)] for name in TRUTH}, None, 1.5)
         )
-    together = Targets(targets[0], targets[0].levels, targets[0].looks)
-    together.passes = [together, *targets[1:]]
-    return case, together, records
+    return case, targets, records
 
 
 @pytest.fixture(scope="module", params=["classes", "density"])
@@ -133,10 +130,9 @@ def test_priors_enter_once(found):
 
 def test_a_run_is_scored_in_all_passes(found, tmp_path):
     case, targets, records, _, run = found
-    each = [Targets(one, one.levels, one.looks) for one in targets.passes]
     alone = [
-        score("design", 0, [one], dict.fromkeys(target, X), target, make_objectives(single, target), 1)
-        for one, target, single in zip(records, each, case.passes, strict=True)
+        score("design", 0, [one], dict.fromkeys(target, X), [target], make_objectives(single, [target]), 1)
+        for one, target, single in zip(records, targets, case.passes, strict=True)
     ]
     field = run.scores["field"]
     np.testing.assert_array_equal(field.statistics, np.concatenate([one.scores["field"].statistics for one in alone]))

@@ -75,9 +75,10 @@ def test_a_fourth_objective_is_one_class_and_one_entry(parts, monkeypatch, tmp_p
     monkeypatch.setattr(plugins, "_entry_points", lambda _: (entry,))
     changed = {"objective": "tenth", "stop": given.stop.model_copy(update={"rms": 1e-3, "max_runs": 15})}
     case = given.model_copy(update=changed)
-    (objective,) = make_objectives(case, targets).values()
+    (objective,) = make_objectives(case, [targets]).values()
     assert type(objective).__name__ == "Tenth"
-    history, decision = calibrate(case, Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case), targets)
+    runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
+    history, decision = calibrate(case, [runner], [targets])
     assert decision.reason == "rms"
     assert history.best("lake").rms < 1e-2
 

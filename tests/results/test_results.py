@@ -148,10 +148,8 @@ def several(made):
     finding = Finding("looks_unknown", "warning", "b.tif")
     measurement = replace(made.registered.measurement, source="b.tif", findings=(finding,))
     passes = [made.registered, replace(made.registered, measurement=measurement, verdict="not moved.")]
-    targets = Targets(made.targets, looks=made.targets.looks)
-    targets.passes = [targets, second]
     of_image = image(radiometry=dict.fromkeys("12", image().radiometry["1"]))
-    found = {"case": case, "history": History(runs), "targets": targets, "final": final}
+    found = {"case": case, "history": History(runs), "every": [made.targets, second], "final": final}
     return {**found, "passes": passes, "image": of_image}
 
 

@@ -142,7 +142,7 @@ def test_round_trip_is_exact(geometry, measurement, tmp_path):
         3.5,
     )
     write_targets(tmp_path / "targets.h5", targets)
-    back = read_targets(tmp_path / "targets.h5")
+    (back,) = read_targets([tmp_path / "targets.h5"])
     assert list(back) == ["grass", "dyke"]
     assert same(dict(back), dict(targets))
     assert same(back.levels, levels)

@@ -68,7 +68,7 @@ def test_the_papers_method_is_a_black_box_after_a_design_without_polish(tmp_path
     measurement = make_measurement(case, geometry, simulator)
     targets = Targets({"field": make_target("field", geometry, measurement, case.target, case.seed)})
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
-    history, decision = calibrate(case, runner, targets)
+    history, decision = calibrate(case, [runner], [targets])
     assert not case.has_baseline
     assert decision.reason == "max_runs"
     assert [run.kind for run in history.runs] == ["reference"] + ["design"] * 8 + ["infill"] * 2
@@ -78,7 +78,7 @@ def test_the_papers_method_is_a_black_box_after_a_design_without_polish(tmp_path
         assert proposal.mode == "exploit"
         assert proposal.cost == proposal.nsga2_cost  # not polished
         assert proposal.floor is None
-    training = train_all(history, STAGES["train"].of(case), make_objectives(case, targets))["field"]
+    training = train_all(history, STAGES["train"].of(case), make_objectives(case, [targets]))["field"]
     assert training.direct
     assert not training.baseline.any()
     # each of xi, omega and alpha has the length scales that smt finds with its defaults

@@ -47,6 +47,6 @@ def test_more_parameters_than_moments_do_not_stop_the_loop(case, tmp_path):
     measurement = Measurement(simulator.run(hidden, noise_seed(case)), "the runs' noise", hidden)
     target = make_target("field", geometry, measurement, case.target, case.seed)
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
-    history, decision = calibrate(case, runner, Targets({"field": target}))
+    history, decision = calibrate(case, [runner], [Targets({"field": target})])
     assert decision.reason == "max_runs"
     assert len(history.best("field").parameters) == 6

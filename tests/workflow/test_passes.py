@@ -15,7 +15,7 @@ import radcal
 from radcal.calibration.loop import calibrate
 from radcal.config import load
 from radcal.objectives.history import read_runs
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.run_index import read_index
 from radcal.targets.target import read_targets
 
@@ -88,9 +88,9 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     out = project.out()
     case = load(["tiny.yaml"])
     geometries = [out / "passes/1/geometry.h5", out / "passes/2/geometry.h5"]
-    targets = read_targets(out / "passes/1/target.h5", out / "passes/2/target.h5")
-    runner = make_runner(case, out / "scene.h5", geometries, tmp_path / "runs")
-    history, decision = calibrate(case, runner, targets)
+    targets = read_targets([out / "passes/1/target.h5", out / "passes/2/target.h5"])
+    runners = make_runners(case, out / "scene.h5", geometries, tmp_path / "runs")
+    history, decision = calibrate(case, runners, targets)
     assert decision.ended
     iterations = range(len(history.infill))
     theirs = read_runs([out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in iterations)])

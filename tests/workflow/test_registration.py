@@ -17,7 +17,7 @@ from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_json
 from radcal.storage.run_index import read_index
@@ -64,10 +64,10 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     monkeypatch.chdir(project.folder)
     case, scene = load(["tiny.yaml"]), read_scene(out / "scene.h5")
     geometry = read_geometry(out / "passes/1/geometry.h5")
-    runner = make_runner(case, out / "scene.h5", out / "passes/1/geometry.h5", tmp_path / "runs")
-    again, made = register_rounds(case, runner, geometry, read_measurement(out / "passes/1/measurement.h5"), scene)
+    runners = make_runners(case, out / "scene.h5", [out / "passes/1/geometry.h5"], tmp_path / "runs")
+    again, made = register_rounds(case, runners, geometry, read_measurement(out / "passes/1/measurement.h5"), scene)
     assert same(again, registered)
-    history, _ = calibrate(case, runner, read_targets(out / "passes/1/target.h5"), registration=made)
+    history, _ = calibrate(case, runners, read_targets([out / "passes/1/target.h5"]), registration=made)
     theirs = read_runs(
         [out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in range(len(history.infill)))]
     )

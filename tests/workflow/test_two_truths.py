@@ -98,14 +98,14 @@ def test_one_density_does_not_tell_them_apart(rough, twin):
 def test_classes_of_incidence_do_on_rough_ground(rough, twin, which, tmp_path):
     truth, other = (FIRST, twin) if which == "first" else (twin, FIRST)
     case, targets = measured(rough, truth)
-    target, objective = targets["field"], make_objectives(case, targets)["field"]
+    target, objective = targets["field"], make_objectives(case, [targets])["field"]
     runs = [(x, rough.image_db(x, noise_seed(case)).ravel()[target.pixels]) for x in (truth, other)]
     costs = [objective.worth(x, objective.statistics(values))[1] for x, values in runs]
     # half a difference in chi squared: odds of e^5 for the truth
     assert costs[1] - costs[0] > 5.0
     # and the law found is the one and not the other
     runner = Runner(RunStore(tmp_path), rough.simulator, rough.geometry, rough.scene.identity, case)
-    history, decision = calibrate(case, runner, targets)
+    history, decision = calibrate(case, [runner], [targets])
     assert decision.reason == "settled"
     found = history.best("field").parameters
     incidence = target.incidence_deg

@@ -18,14 +18,14 @@ from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    targets, geometry = read_targets(*snakemake.input.target), read_geometry(snakemake.input.geometry[0])
+    targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     images = [read_registered(path) for path in snakemake.input.registered]
     each = [read_item(path, "posterior", Posterior) for path in snakemake.input.posterior]
     image, scene = read_item(snakemake.input.image, "image", Image), read_scene(snakemake.input.scene)
     trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
-    noted = bounces_outside([bounces_on(read_geometry(path), targets) for path in snakemake.input.geometry])
+    noted = bounces_outside([bounces_on(read_geometry(path), targets[0]) for path in snakemake.input.geometry])
     archive = archive_of(case, history, scene, geometry, images, targets, runs, final, each, image, trained, noted)
     write_archive(snakemake.output.archive, archive)
     write_runs(snakemake.output.table, archive)

@@ -3,13 +3,13 @@
 from radcal.calibration.steps import called, design_line, run_all_draws
 from radcal.proposals.design import design_points
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.run_index import IndexedRun, read_index, write_index
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
-    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    targets = read_targets(*snakemake.input.target)
+    runners = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    (targets,) = read_targets(snakemake.input.target)
     reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
     points = design_points(case, snakemake.params.size, reused)
     _, part = snakemake.params.part
@@ -17,7 +17,7 @@ with job(snakemake) as case:
     index = []
     for k, parameters in list(enumerate(points))[first : first + case.design.chunk]:
         with called(f"design run {k + 1} of {len(points)}"):
-            (record,) = run_all_draws(case, runner, parameters)
+            (record,) = run_all_draws(case, runners, parameters)
         index.append(IndexedRun.of(record, parameters))
         progress(design_line(k + 1, len(points), record, targets))
     write_index(snakemake.output.index, index)

@@ -3,20 +3,18 @@
 from radcal.calibration.steps import all_parameters, called, noise_seed, not_fresh
 from radcal.objectives.history import read_search
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.run_index import IndexedRun, write_index
 from radcal.words import sentence
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    runners = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     parameters = all_parameters(case.materials, {name: history.best(name).parameters for name in case.calibrated})
     # with one calibrated material the first of these runs is in the run store already; its whole image is not needed
     with called("final runs"):
         records = [
-            one.run(parameters, noise_seed(case, fresh), image=fresh)
-            for one in runner.passes
-            for fresh in (False, True)
+            one.run(parameters, noise_seed(case, fresh), image=fresh) for one in runners for fresh in (False, True)
         ]
     write_index(snakemake.output.final, [IndexedRun(record.key, parameters) for record in records])
     progress("final runs: the calibrated laws of all materials, and the same run with another seed")

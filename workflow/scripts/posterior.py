@@ -14,14 +14,14 @@ from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    targets, scene = read_targets(*snakemake.input.target), read_scene(snakemake.input.scene)
+    targets, scene = read_targets(snakemake.input.target), read_scene(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]
     final = [(run, run_x) for run, run_x in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
     simulated = simulated_of(case, scene, geometries, final, snakemake.params.draws)
     cells = [
         observe(one, geometry, read_registered(path), images, found.levels, scene)
         for one, geometry, path, images, found in zip(
-            case.passes, geometries, snakemake.input.registered, simulated, targets.passes, strict=True
+            case.passes, geometries, snakemake.input.registered, simulated, targets, strict=True
         )
     ]
     progress("posterior: the image is compared with the fixed laws ...")

@@ -10,7 +10,7 @@ from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    objectives = make_objectives(case, read_targets(*snakemake.input.target))
+    objectives = make_objectives(case, read_targets(snakemake.input.target))
     stop = Stop.model_validate(snakemake.config["stop"])
     trainings = read_trainings(snakemake.input.surrogate)
     k = int(snakemake.wildcards.k)

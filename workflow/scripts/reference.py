@@ -5,13 +5,13 @@ from radcal.image.model import read_measurement
 from radcal.programs.command_plan import changed_links
 from radcal.session.jobs import job, progress
 from radcal.simulators.declared_scale import check_scale
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.run_index import IndexedRun, write_index
 from radcal.words import sentence
 
 with job(snakemake) as case:
-    runner = make_runner(case.at_start, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    first, *again = [record for (record,) in reference_runs(case, runner)]
+    runners = make_runners(case.at_start, snakemake.input.scene, [snakemake.input.geometry], snakemake.params.runs)
+    first, *again = [record for (record,) in reference_runs(case, runners)]
     check_scale(first.image_db, read_measurement(snakemake.input.measurement).image_db, case)
     differences = [first.largest_difference_db(record) for record in again]
     start = case.start_parameters
@@ -21,5 +21,5 @@ with job(snakemake) as case:
     progress(f"reference run: {first.seconds:.1f} s for an image of {rows} x {columns} pixels")
     for finding in repeatability(case.simulator, differences):
         progress(sentence(finding))
-    if changed := changed_links(case, runner.identity):
+    if changed := changed_links(case, runners[0].identity):
         progress(changed)

@@ -2,15 +2,15 @@
 
 from radcal.calibration.steps import all_parameters, called, run_all_draws
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.records import read_json, understood
 from radcal.storage.run_index import IndexedRun, write_index
 
 with job(snakemake) as case:
-    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    runners = make_runners(case, snakemake.input.scene, [snakemake.input.geometry], snakemake.params.runs)
     with understood(snakemake.input.laws):
         parameters = all_parameters(case.materials, read_json(snakemake.input.laws))
     with called("registration run"):
-        (record,) = run_all_draws(case, runner, parameters, image=True)
+        (record,) = run_all_draws(case, runners, parameters, image=True)
     write_index(snakemake.output.index, [IndexedRun.of(record, parameters)])
     progress(f"registration run, with laws fitted to the registered image: {record.seconds:.1f} s")

@@ -2,11 +2,11 @@
 
 from radcal.calibration.reuse import reuse_runs
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.storage.run_index import write_index
 
 with job(snakemake) as case:
-    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    runner, *_ = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     taken = reuse_runs(case, runner, snakemake.params.earlier)
     write_index(snakemake.output.index, taken)
     progress(f"{len(taken)} runs reused from {snakemake.params.earlier}")

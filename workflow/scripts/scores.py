@@ -8,7 +8,7 @@ from radcal.storage.run_index import in_all_passes, indexed
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
-    targets = read_targets(*snakemake.input.target)
+    targets = read_targets(snakemake.input.target)
     store, passes = (snakemake.params.runs, case.calibrated), len(snakemake.input.target)
     reference = [records for records, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
     objectives = make_objectives(case, targets)
@@ -26,7 +26,7 @@ with job(snakemake) as case:
             for k, (records, parameters) in enumerate(listed)
         ]
     write_runs(snakemake.output.scores, runs)
-    best = {name: History(runs).best(name).rms for name in targets}
+    best = {name: History(runs).best(name).rms for name in targets[0]}
     for name, rms in best.items():
         made = History(runs).count("design")
         of = f"the density of {name} in the best run so far"

@@ -9,7 +9,7 @@ from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    objectives = make_objectives(case, read_targets(*snakemake.input.target))
+    objectives = make_objectives(case, read_targets(snakemake.input.target))
     trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
     trainings = train_all(history, case, objectives, snakemake.threads, trained)
     write_trainings(snakemake.output.surrogate, trainings)

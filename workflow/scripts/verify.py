@@ -6,16 +6,16 @@ from radcal.objectives import make_objectives
 from radcal.objectives.history import History, read_proposals, read_search, write_runs
 from radcal.proposals.surrogate import write_trainings
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runner
+from radcal.simulators.sources import make_runners
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
-    runner = make_runner(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
+    runners = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
     proposals = read_proposals(snakemake.input.proposal)
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    targets, k = read_targets(*snakemake.input.target), int(snakemake.wildcards.k)
+    targets, k = read_targets(snakemake.input.target), int(snakemake.wildcards.k)
     objectives = make_objectives(case, targets)
-    runs, trained = verify(proposals, targets, objectives, runner, case, history, k, snakemake.threads)
+    runs, trained = verify(proposals, targets, objectives, runners, case, history, k, snakemake.threads)
     write_trainings(snakemake.output.trained, trained)
     write_runs(snakemake.output.verified, runs)
     stop = Stop.model_validate(snakemake.config["stop"])

@@ -24,7 +24,7 @@ from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered
 from radcal.storage.run_index import record_of
 from radcal.storage.runs import Record, RunStore
-from radcal.targets.target import Targets
+from radcal.targets.target import Targets, level_only
 
 Pixels = Mapping[str, NDArray[np.float32]]
 
@@ -85,7 +85,7 @@ class Conclusion:
 def conclude(
     case: Part,
     history: History,
-    targets: Targets,
+    targets: Sequence[Targets],
     objectives: Mapping[str, Comparison],
     geometry: Geometry,
     runs: str | Path,
@@ -103,8 +103,10 @@ def conclude(
         Configuration of the case.
     history : History
         Scored runs: reference run, design and verified proposals.
-    targets, objectives : mapping
-        Target and objective of each calibrated material.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
+    objectives : mapping
+        Objective of each calibrated material.
     geometry : Geometry
         Geometry of the pass, which holds the pixels of each material.
     runs : path
@@ -126,10 +128,11 @@ def conclude(
         If the record of the reference run is missing or holds no image.
     """
     store, key = RunStore(runs), history.runs[0].keys[0]
+    seen = targets[0]  # it shows all calibrated materials
     index = Path(runs).parent / "passes/1/reference.json"
-    reference = record_of(store, index, key, list(targets), image=True)
+    reference = record_of(store, index, key, list(seen), image=True)
     first = {name: score.looks for name, score in history.runs[0].scores.items()}
-    looks = {name: history.best(name).looks for name in targets}
+    looks = {name: history.best(name).looks for name in seen}
     fresh_db = with_texture(final[1].pixels_db, objectives, looks, case.seed, fresh=True)
     each_db = [
         with_texture(reference.pixels_db, objectives, first, case.seed),
@@ -140,7 +143,7 @@ def conclude(
     findings += [*image_findings(case, image), *noted]
     refused = any(one.severity == "refusal" for one in findings)
     warned = {one.code: f"{one.code.replace('_', ' ')} of {one.about}" for one in findings if one.severity != "note"}
-    laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in targets}
+    laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in seen}
     for name, found in laws.items():
         findings += material_findings(case, name, posteriors[name], targets, refused)
         if looks[name] < case.radar.looks:
@@ -149,20 +152,20 @@ def conclude(
         findings += law_findings(name, posteriors[name], *found, warned.values())
         if not case.simulator.own:
             law = case.materials[name].law
-            findings += another_law(name, law, objectives[name], targets[name], history, geometry)
+            findings += another_law(name, law, objectives[name], seen[name], history, geometry)
     calibrated_db = final[1].image_db
     if calibrated_db is not None:
         calibrated_db = calibrated_db.copy()
-        for name in targets:
+        for name in seen:
             calibrated_db.ravel()[geometry.pixels(name)] = fresh_db[name]
-    shown = {name: law for name, law in laws.items() if not targets.level_only(name)}
+    shown = {name: law for name, law in laws.items() if not level_only(targets, name)}
     for one in images[:1]:
-        findings += check_registration(shown, targets, geometry, one, final[1].image_db)
-    levels = targets.levels
+        findings += check_registration(shown, seen, geometry, one, final[1].image_db)
+    levels = seen.levels
     mappings = [levels.simulated(pixels_db) for pixels_db in each_db]
-    scores = [targets.score(pixels_db) for pixels_db in each_db[1:]]
+    scores = [seen.score(pixels_db) for pixels_db in each_db[1:]]
     materials = {}
-    for name, target in targets.items():
+    for name, target in seen.items():
         start, calibrated, fresh = (
             levels.apply(pixels_db[name][target.order], mapping)
             for pixels_db, mapping in zip(each_db, mappings, strict=True)
@@ -171,7 +174,7 @@ def conclude(
         differ = not np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
         materials[name] = MaterialPixels(start, calibrated, fresh, calibrated_dp, fresh_dp, differ)
     return Conclusion(
-        decision=decide(history, list(targets), case.stop, case.objective),
+        decision=decide(history, list(seen), case.stop, case.objective),
         materials=materials,
         reference_db=reference.image_db,
         calibrated_db=calibrated_db,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from radcal.findings import Finding, Severity
 from radcal.ground.pixels import MANY_IN_NOISE, share_in_noise
 from radcal.laws import Law
 from radcal.posterior.result import Image, Posterior
-from radcal.targets.target import Targets
+from radcal.targets.target import Targets, level_only
 
 Doubles = NDArray[np.float64]
 
@@ -70,7 +70,7 @@ def _numbers(quantiles: Doubles, median: str) -> dict[str, float]:
 
 
 def material_findings(
-    case: Part, name: str, posterior: Posterior, targets: Targets, refused: bool
+    case: Part, name: str, posterior: Posterior, targets: Sequence[Targets], refused: bool
 ) -> Iterator[Finding]:
     """Findings on one material: first where its sigma0 is determined, then the form of its law, then remarks."""
     yield _state(case, name, posterior, targets, refused)
@@ -82,18 +82,18 @@ def material_findings(
         yield Finding(code, "note" if code == "not_refuted" else "warning", name, numbers)
     if not posterior.sampled:
         yield Finding("not_sampled", "warning", name, {"r_hat": posterior.r_hat, "ess": posterior.ess})
-    share = share_in_noise(targets[name].left_out, targets[name].eligible)
+    share = share_in_noise(targets[0][name].left_out, targets[0][name].eligible)
     if share >= MANY_IN_NOISE:
         yield Finding("in_the_noise", "warning", name, {"share": share})
 
 
-def _state(case: Part, name: str, posterior: Posterior, targets: Targets, refused: bool) -> Finding:
+def _state(case: Part, name: str, posterior: Posterior, targets: Sequence[Targets], refused: bool) -> Finding:
     """Finding that says at which incidence sigma0 of a material is determined, and how well."""
     curve = posterior.curve
     if curve is None:
         few = Finding("without_cells", "warning", name)
         return Finding("parameters_only", "note", name) if posterior.cells else few
-    if targets.level_only(name):
+    if level_only(targets, name):
         middle = float(posterior.seen_deg[0].mean().round(1))
         return Finding("level_only", "note", name, {"incidence_deg": middle, **_numbers(curve.at(middle), "median_db")})
     low, high = float(posterior.seen_deg[:, 0].min()), float(posterior.seen_deg[:, 1].max())

@@ -27,7 +27,7 @@ from radcal.processes import one_thread
 from radcal.proposals.surrogate import Surrogate
 from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_seed
-from radcal.targets.target import Targets
+from radcal.targets.target import Targets, level_only
 
 Doubles = NDArray[np.float64]
 Cells = Sequence[Mapping[str, CellMeans]]
@@ -87,7 +87,7 @@ def image_of(case: Part, cells: Cells) -> Image:
 
 def posterior_of(
     case: Part,
-    targets: Targets,
+    targets: Sequence[Targets],
     history: History,
     objective: Comparison,
     cells: Cells,
@@ -101,8 +101,8 @@ def posterior_of(
     ----------
     case : Part
         Configuration.
-    targets : Targets
-        Target of each calibrated material in all passes.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
     history : History
         All scored runs; the cells are relative to the best X.
     objective : Comparison
@@ -117,11 +117,11 @@ def posterior_of(
     laws = [one.laws[name] for one in case.passes]
     seen = [
         (float(low), float(high))
-        for one in targets.passes
+        for one in targets
         if name in one
         for low, high in [np.quantile(one[name].incidence_deg.astype(np.float64), [0.05, 0.95])]
     ]
-    own = [one if name in target else {} for one, target in zip(cells, targets.passes, strict=True)]
+    own = [one if name in target else {} for one, target in zip(cells, targets, strict=True)]
     observed = _observed(name, own, laws, best.tolist())
     if not observed.size:
         return without_cells(objective.material.box, seen)
@@ -131,7 +131,7 @@ def posterior_of(
         parameters, weights, knots = _without_curve(case, observed, objective, history, best, name)
     decibels = case.target.normalisation != "image"
     curved = laws[0].has_curve and decibels
-    form = Form(observed.together("incidence_deg")) if curved and not targets.level_only(name) else None
+    form = Form(observed.together("incidence_deg")) if curved and not level_only(targets, name) else None
     forms = np.zeros((observed.size, FORMS)) if form is None else form.columns(observed.together("incidence_deg"))
     flattening = _flattening(observed, _attenuation(targets, name), case.uncertainty.incidence_error)
     with one_thread():
@@ -166,7 +166,7 @@ def posterior_of(
     found = replace(summary(observed, draws, form, seen, error), held=held, left_out=fields, constant=constant)
     if not curved:
         return found
-    known_db = None if targets.level_only(name) else case.uncertainty.known_db
+    known_db = None if level_only(targets, name) else case.uncertainty.known_db
     found = replace(found, points=points_of(whole, signal, draws, drawn[0]))
     return with_band(found, laws[0], draws, form, parameters, known_db)
 
@@ -236,7 +236,7 @@ def _without_curve(
     return parameters, np.asarray(scipy.linalg.block_diag(*blocks)), np.concatenate(middles)
 
 
-def _attenuation(targets: Targets, name: str) -> list[tuple[float, float]]:
+def _attenuation(targets: Sequence[Targets], name: str) -> list[tuple[float, float]]:
     """Mean incidence [deg] in each pass, and factor on the distance from it at which the true incidence is expected.
 
     References
@@ -244,7 +244,7 @@ def _attenuation(targets: Targets, name: str) -> list[tuple[float, float]]:
     Carroll et al., "Measurement Error in Nonlinear Models", 2nd edition (2006), chapter 4: regression calibration.
     """
     found = []
-    for one in targets.passes:
+    for one in targets:
         if name not in one or (classes := one[name].classes) is None or classes.incidence_error_deg <= 0.0:
             found.append((0.0, 1.0))
             continue

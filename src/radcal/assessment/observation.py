@@ -19,7 +19,7 @@ from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, p
 from radcal.posterior.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
 from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_seed
-from radcal.simulators.sources import runner_of
+from radcal.simulators.sources import runners_of
 from radcal.targets.target_fit import fields_of
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ def simulated_of(
         if case.simulator.own:
             looks = one.radar.looks if case.simulator.focused else float(_LOOKS)
             many = one.model_copy(update={"radars": [one.radar.model_copy(update={"looks": looks})]})
-            runner, parameters = runner_of(many, scene, [geometry], [""], folder), final[2 * k][1]
+            (runner,), parameters = runners_of(many, scene, [geometry], [""], folder), final[2 * k][1]
             images = []
             for draw in range(math.ceil(_LOOKS / looks)):
                 seed = derived_seed(case.seed, "posterior", "draw", *[draw] * (draw > 0), bits=_SEED_BITS)

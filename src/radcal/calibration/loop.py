@@ -6,7 +6,7 @@ equal runs, bit for bit.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,7 +33,7 @@ from radcal.targets.target_fit import laws_of_image
 
 
 def register_rounds(
-    case: Case, runner: Runner, geometry: Geometry, measurement: Measurement, scene: Scene
+    case: Case, runners: Sequence[Runner], geometry: Geometry, measurement: Measurement, scene: Scene
 ) -> tuple[Registered, tuple[list[Record], Parameters] | None]:
     """Register the measured image onto the reference run and, if configured, onto the registration run.
 
@@ -41,8 +41,8 @@ def register_rounds(
     ----------
     case : Case
         Configuration of a case of one pass, whose starting parameters belong to the calibrated laws.
-    runner : Runner
-        Simulator with a run store.
+    runners : sequence of Runner
+        Simulator of the pass with a run store.
     geometry : Geometry
         Geometry of the pass.
     measurement : Measurement
@@ -63,7 +63,7 @@ def register_rounds(
         The measured image has nothing in common with the simulated image, or contradicts the geometry of the pass.
     """
     reference = STAGES["reference_run"].of(case)
-    start = _image_db(reference_runs(reference, runner)[0][0])
+    start = _image_db(reference_runs(reference, runners)[0][0])
     check_scale(start, measurement.image_db, reference)
     first = register(start, measurement, case.registration)
     first = checked(first, start, geometry, case.radar, scene.slope_error_deg)
@@ -71,7 +71,7 @@ def register_rounds(
         return first, None
     found = laws_of_image(STAGES["target"].of(case), geometry, first, start, scene)
     parameters = all_parameters(case.materials, found)
-    records = run_all_draws(STAGES["registration_run"].of(case), runner, parameters, image=True)
+    records = run_all_draws(STAGES["registration_run"].of(case), runners, parameters, image=True)
     return register_again(_image_db(records[0]), first, case.registration), (records, parameters)
 
 
@@ -83,10 +83,10 @@ def _image_db(record: Record) -> NDArray[np.float32]:
 
 def calibrate(
     case: Case,
-    runner: Runner,
-    targets: Targets,
+    runners: Sequence[Runner],
+    targets: Sequence[Targets],
     report: Callable[[History], None] = lambda _: None,
-    reference: Runner | None = None,
+    reference: Sequence[Runner] | None = None,
     registration: tuple[list[Record], Parameters] | None = None,
 ) -> tuple[History, Decision]:
     """Make the reference run, the design runs, and infill runs until the search of every material has ended.
@@ -95,16 +95,16 @@ def calibrate(
     ----------
     case : Case
         Configuration of the case.
-    runner : Runner
-        Simulator with a run store; stored runs are not simulated again.
-    targets : mapping
-        Target by calibrated material, divided into incidence-angle bins if the objective needs them
+    runners : sequence of Runner
+        Simulator of each pass with a run store; stored runs are not simulated again.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass, divided into incidence-angle bins if the objective needs them
         (``radcal.targets.target_fit.make_targets``).
     report : callable, optional
         Function that is called with the history after the design and after every infill run.
-    reference : Runner, optional
-        Simulator for the reference run, made for ``case.at_start``; needed if the starting parameters of a calibrated
-        material belong to another law.
+    reference : sequence of Runner, optional
+        Simulator of each pass for the reference run, made for ``case.at_start``; needed if the starting parameters of
+        a calibrated material belong to another law.
     registration : (list of Record, Parameters), optional
         Run onto whose image the measured image was registered again, and its X by material.
 
@@ -126,20 +126,20 @@ def calibrate(
     if others and reference is None:
         raise ValueError(f"materials {others} start with another law: expected a reference runner")
     objectives = make_objectives(scores, targets)
-    made = reference_runs(STAGES["reference_run"].of(case), reference or runner)
+    made = reference_runs(STAGES["reference_run"].of(case), reference or runners)
     runs = score_reference(scores, made, targets, objectives)
     if registration is not None:
         runs.append(score("registration", 0, *registration, targets, objectives, case.seed))
     for k, parameters in enumerate(design_points(STAGES["design_chunk"].of(case), case.design_size)):
-        records = run_all_draws(simulation, runner, parameters)
+        records = run_all_draws(simulation, runners, parameters)
         runs.append(score("design", k, records, parameters, targets, objectives, case.seed))
     history, k = History(runs), 0
     trained: dict[str, Training] = {}
     report(history)
-    while not (decision := decide(history, list(targets), case.stop, case.objective)).ended:
+    while not (decision := decide(history, list(objectives), case.stop, case.objective)).ended:
         trainings = train_all(history, train, objectives, trained=trained)
         proposals = propose_all(trainings, objectives, history, proposal, k, case.stop)
-        runs, trained = verify(proposals, targets, objectives, runner, simulation, history, k)
+        runs, trained = verify(proposals, targets, objectives, runners, simulation, history, k)
         history = History([*history.runs, *runs])
         report(history)
         k += 1

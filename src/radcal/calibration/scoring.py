@@ -24,7 +24,7 @@ def score(
     index: int,
     records: Sequence[Record],
     parameters: Parameters,
-    targets: Targets,
+    targets: Sequence[Targets],
     objectives: Mapping[str, Comparison],
     seed: int,
     other_law: Sequence[str] = (),
@@ -39,8 +39,8 @@ def score(
         Record of the run in each pass; the statistics of its draws of speckle are averaged.
     parameters : mapping
         Parameters X by material.
-    targets : Targets
-        Targets of the calibrated materials.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
     objectives : mapping
         Objective by material.
     seed : int
@@ -49,8 +49,7 @@ def score(
         Materials for which the run used another law than the calibrated one.
     """
     draws = [
-        [_values(one, draw.pixels_db) for draw in (run, *run.draws)]
-        for run, one in zip(records, targets.passes, strict=True)
+        [_values(one, draw.pixels_db) for draw in (run, *run.draws)] for run, one in zip(records, targets, strict=True)
     ]
     found = {}
     for name, objective in objectives.items():
@@ -62,7 +61,7 @@ def score(
     of_texture = {name: looks for name, (_, looks, _) in found.items()}
     densities = [
         one.score(with_texture(run.pixels_db, objectives, of_texture, seed, number=number))
-        for number, (run, one) in enumerate(zip(records, targets.passes, strict=True))
+        for number, (run, one) in enumerate(zip(records, targets, strict=True))
     ]
     scores = {}
     for name, (statistics, looks, cost) in found.items():
@@ -143,7 +142,7 @@ def with_texture(
 
 
 def score_reference(
-    case: Part, made: Sequence[Sequence[Record]], targets: Targets, objectives: Mapping[str, Comparison]
+    case: Part, made: Sequence[Sequence[Record]], targets: Sequence[Targets], objectives: Mapping[str, Comparison]
 ) -> list[Run]:
     """Scores of the reference run and of its repetition, with the difference of their pixels.
 
@@ -153,8 +152,10 @@ def score_reference(
         Starting parameters and seed.
     made : sequence of sequence of Record
         Records of the reference run in all passes and, if it was repeated, those of the repetition.
-    targets, objectives : mapping
-        Target and objective by calibrated material.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
+    objectives : mapping
+        Objective by calibrated material.
 
     Returns
     -------
@@ -167,7 +168,7 @@ def score_reference(
         score("reference", k, records, start, targets, objectives, case.seed, other_law=others)
         for k, records in enumerate(made)
     ]
-    each = {name: [one[name].rms_sampling for one in targets.passes if name in one] for name in targets}
+    each = {name: [one[name].rms_sampling for one in targets if name in one] for name in targets[0]}
     sampling = {name: float(np.sqrt(np.mean(np.square(found)))) for name, found in each.items()}
     runs[0] = replace(runs[0], rms_sampling=sampling)
     for k, again in enumerate(made[1:], start=1):
@@ -179,10 +180,14 @@ def score_reference(
 
 
 def _repeat_variance(
-    case: Part, first: Sequence[Record], again: Sequence[Record], targets: Targets, objectives: Mapping[str, Comparison]
+    case: Part,
+    first: Sequence[Record],
+    again: Sequence[Record],
+    targets: Sequence[Targets],
+    objectives: Mapping[str, Comparison],
 ) -> dict[str, list[list[float]]]:
-    found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in targets}
-    for number, one in enumerate(targets.passes):
+    found: dict[str, list[NDArray[np.float64]]] = {name: [] for name in targets[0]}
+    for number, one in enumerate(targets):
         values, others = (_values(one, records[number].pixels_db) for records in (first, again))
         for name, target in one.items():
             objective = objectives[name].passes[number]

@@ -40,15 +40,16 @@ def called(run: str) -> Iterator[None]:
         raise SimulatorError(f"{run}: {error}", error.about) from None
 
 
-def reference_runs(case: Part, runner: Runner) -> list[list[Record]]:
+def reference_runs(case: Part, runners: Sequence[Runner]) -> list[list[Record]]:
     """Make the reference run, and repeat it if it is unknown whether the simulator is deterministic.
 
     Parameters
     ----------
     case : Part
         Starting parameters, seed and simulator.
-    runner : Runner
-        Simulator with the run store, made for ``case.at_start``, because starting parameters may belong to other laws.
+    runners : sequence of Runner
+        Simulator of each pass with the run store, made for ``case.at_start``, because starting parameters may belong to
+        other laws.
 
     Returns
     -------
@@ -58,19 +59,19 @@ def reference_runs(case: Part, runner: Runner) -> list[list[Record]]:
     """
     parameters, seed = case.start_parameters, noise_seed(case)
     with called("reference run"):
-        runs = [run_all_draws(case, runner, parameters, image=True)]
+        runs = [run_all_draws(case, runners, parameters, image=True)]
     if case.simulator.deterministic is None:
         with called("second reference run"):
-            runs.append([one.run(parameters, seed, repeat=True) for one in runner.passes])
+            runs.append([one.run(parameters, seed, repeat=True) for one in runners])
     return runs
 
 
-def run_all_draws(case: Part, runner: Runner, parameters: Parameters, image: bool = False) -> list[Record]:
+def run_all_draws(case: Part, runners: Sequence[Runner], parameters: Parameters, image: bool = False) -> list[Record]:
     """Records of a run in all passes, with all draws of speckle; ``image`` keeps the whole image of the first draw."""
     first, *others = draw_seeds(case)
     return [
         replace(one.run(parameters, first, image=image), draws=tuple(one.run(parameters, seed) for seed in others))
-        for one in runner.passes
+        for one in runners
     ]
 
 
@@ -239,9 +240,9 @@ def propose_all(
 
 def verify(
     proposals: Sequence[Mapping[str, Proposal]],
-    targets: Targets,
+    targets: Sequence[Targets],
     objectives: Mapping[str, Comparison],
-    runner: Runner,
+    runners: Sequence[Runner],
     case: Part,
     history: History,
     iteration: int,
@@ -255,10 +256,12 @@ def verify(
     ----------
     proposals : sequence of mapping
         Proposal by material, for each run of the iteration.
-    targets, objectives : mapping
-        Target and objective by calibrated material.
-    runner : Runner
-        Simulator with the run store.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
+    objectives : mapping
+        Objective by calibrated material.
+    runners : sequence of Runner
+        Simulator of each pass with the run store.
     case : Part
         Materials, seed and surrogate.
     history : History
@@ -280,7 +283,7 @@ def verify(
     for number, one in enumerate(proposals, start=history.count("infill") + 1):
         parameters = proposed(case, one)
         with called(f"infill run {number}"):
-            records = run_all_draws(case, runner, parameters)
+            records = run_all_draws(case, runners, parameters)
         run = score("infill", iteration, records, parameters, targets, objectives, case.seed)
         runs.append(replace(run, proposals=dict(one)))
     ahead = [name for name, objective in objectives.items() if objective.looks_ahead]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pkgutil
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -24,42 +24,42 @@ def objective_class(name: str) -> type[Objective]:
     return found
 
 
-def make_objectives(case: Part, targets: Targets) -> Mapping[str, Comparison]:
+def make_objectives(case: Part, targets: Sequence[Targets]) -> Mapping[str, Comparison]:
     """Objective of every calibrated material, in all passes of the case.
 
     Parameters
     ----------
     case : Part
         Name of the objective, laws, bounds and looks.
-    targets : Targets
-        Targets of the calibrated materials in all passes.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
 
     Returns
     -------
     mapping
         Objective by material, in the order of the targets.
     """
-    if len(targets.passes) == 1:
-        return _of_pass(case, targets)
+    if len(targets) == 1:
+        return _of_pass(case, targets[0])
     each = [
         _of_pass(one, found, priors=number == 0)
         for number, (one, found) in enumerate(zip(case.passes, _of_common_spread(targets), strict=True))
     ]
-    return {name: Joint([objectives.get(name) for objectives in each]) for name in targets}
+    return {name: Joint([objectives.get(name) for objectives in each]) for name in targets[0]}
 
 
-def _of_common_spread(targets: Targets) -> list[Targets]:
+def _of_common_spread(targets: Sequence[Targets]) -> list[Targets]:
     """Targets of all passes, with one spread of fields for each material: all passes show the same fields."""
 
     def common(name: str, target: Target) -> Target:
         if target.classes is None:
             return target
-        each = [one[name].classes for one in targets.passes if name in one]
+        each = [one[name].classes for one in targets if name in one]
         spread = pooled([bins.spread for bins in each if bins is not None])
         return replace(target, classes=replace(target.classes, spread=spread))
 
-    each = ({name: common(name, target) for name, target in one.items()} for one in targets.passes)
-    return [Targets(found, one.levels, one.looks) for found, one in zip(each, targets.passes, strict=True)]
+    each = ({name: common(name, target) for name, target in one.items()} for one in targets)
+    return [Targets(found, one.levels, one.looks) for found, one in zip(each, targets, strict=True)]
 
 
 def _of_pass(case: Part, targets: Targets, priors: bool = True) -> dict[str, Objective]:

@@ -30,7 +30,7 @@ from radcal.seeds import noise_seed
 from radcal.signals.sicd import write_sicd
 from radcal.simulators.forward import Forward, write_complex
 from radcal.simulators.runner import Runner
-from radcal.simulators.sources import runner_of
+from radcal.simulators.sources import runners_of
 from radcal.storage.files import digest
 from radcal.storage.provenance import provenance
 from radcal.storage.runs import RunStore
@@ -84,24 +84,24 @@ def forward(
                 pkgutil.resolve_name(asked.check)(one, scene)
         geometries = [make_geometry(scene, one.radar) for one in case.passes]
         paths = [folder / f"passes/{number}/geometry.h5" for number in range(1, len(geometries) + 1)]
-        runner, seed = runner_of(started, scene, geometries, paths, runs), noise_seed(case, fresh=True)
-        keys = [digest(each.description(case.start_parameters, seed)) for each in runner.passes]
+        runners, seed = runners_of(started, scene, geometries, paths, runs), noise_seed(case, fresh=True)
+        keys = [digest(each.description(case.start_parameters, seed)) for each in runners]
         if asked is not None:
-            runner.require_looks(product)
+            runners[0].require_looks(product)
         check(keys)
         write_scene(folder / "scene.h5", scene)
         for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
             write_geometry(path, geometry, one.radar)
-        found = _images(started, runner, scene, geometries, RunStore(runs))
+        found = _images(started, runners, scene, geometries, RunStore(runs))
     return scene, found
 
 
 def _images(
-    started: Part, runner: Runner, scene: Scene, geometries: Sequence[Geometry], store: RunStore
+    started: Part, runners: Sequence[Runner], scene: Scene, geometries: Sequence[Geometry], store: RunStore
 ) -> list[Forward]:
     """Forward runs of all passes."""
     seed, found = noise_seed(started, fresh=True), []
-    for each, one, geometry in zip(runner.passes, started.passes, geometries, strict=True):
+    for each, one, geometry in zip(runners, started.passes, geometries, strict=True):
         x = one.start_parameters
         kept = store.get(digest(each.description(x, seed)), started.calibrated, image=True) is not None
         record = each.run(x, seed, image=True)
@@ -197,8 +197,8 @@ def _spread(
     images: list[list[NDArray[np.float32]]] = [[] for _ in passes]
     rows: list[dict[str, float | str]] = []
     for k, member in enumerate(members, start=1):
-        runner = runner_of(member, scene, geometries, paths, runs)
-        for number, made in enumerate(_images(member, runner, scene, geometries, RunStore(runs)), start=1):
+        runners = runners_of(member, scene, geometries, paths, runs)
+        for number, made in enumerate(_images(member, runners, scene, geometries, RunStore(runs)), start=1):
             images[number - 1].append(made.image_db)
             found = _product(product, folder / f"draws/{k}", number, made)
             rows.append({"pass": number, "member": k, "run": made.key})

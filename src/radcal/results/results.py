@@ -40,7 +40,7 @@ from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
 from radcal.storage.runs import Record
-from radcal.targets.target import Targets
+from radcal.targets.target import Targets, level_only
 
 _LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
@@ -53,7 +53,7 @@ def archive_of(
     scene: Scene,
     geometry: Geometry,
     passes: Sequence[Registered],
-    targets: Targets,
+    targets: Sequence[Targets],
     runs: str | Path,
     final: Sequence[Record],
     posteriors: Sequence[Posterior],
@@ -75,8 +75,8 @@ def archive_of(
         Geometry of the first pass.
     passes : sequence of Registered
         Registered measured images of all passes.
-    targets : Targets
-        Targets of the calibrated materials.
+    targets : sequence of Targets
+        Targets of the calibrated materials in each pass.
     runs : path
         Folder of the run store.
     final : sequence of Record
@@ -99,24 +99,24 @@ def archive_of(
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
     objectives = make_objectives(case, targets)
     found = conclude(case, history, targets, objectives, geometry, runs, final[:2], of_each, image, images, noted)
-    best = {name: history.best(name) for name in targets}
+    best = {name: history.best(name) for name in targets[0]}
     laws = {
         name: np.array(best[name].parameters if name in best else material.start_parameters, dtype=np.float64)
         for name, material in case.materials.items()
     }
     fronts, hidden = search_fronts(objectives, history), images[0].measurement.hidden
-    notes = random_findings(case, history, targets, final[:2])
-    if (count := len(targets.passes)) > 1:
+    notes = random_findings(case, history, targets[0], final[:2])
+    if (count := len(targets)) > 1:
         notes.append(Finding("passes_together", "note", "", {"passes": count}))
 
     def material(name: str) -> MaterialResult:
         unknown = [np.nan] * len(case.materials[name].parameter_names)
         scores = [run.scores[name] for run in history.runs]
         return MaterialResult(
-            targets={str(k): one[name] for k, one in enumerate(targets.passes, start=1) if name in one},
+            targets={str(k): one[name] for k, one in enumerate(targets, start=1) if name in one},
             simulated=found.materials[name],
-            textured=targets.textured(name),
-            level_only=targets.level_only(name),
+            textured=targets[0].textured(name),
+            level_only=level_only(targets, name),
             best=history.runs.index(history.best_run(name)),
             parameters=np.array([score.parameters if score.own_law else unknown for score in scores], dtype=np.float64),
             dp=np.array([score.dp for score in scores]),
@@ -134,7 +134,7 @@ def archive_of(
     return Archive(
         config=json.dumps(disclosed(_as_written(case))),
         decision=found.decision,
-        measured_looks=targets.looks,
+        measured_looks=targets[0].looks,
         notes=tuple(notes),
         law_notes=tuple(law_notes(case, geometry, laws)),
         simulator=json.dumps(found.simulator),
@@ -148,10 +148,10 @@ def archive_of(
         passes={
             str(k + 1): PassResult(
                 registered=one if k == 0 else without_images(one),
-                levels=targets.passes[k].levels,
+                levels=targets[k].levels,
                 keys=np.array([run.keys[k] for run in history.runs]),
                 final_keys=tuple(record.key for record in final[2 * k : 2 * k + 2]),
-                rms={name: density.rms for name in targets if (density := best[name].densities[k]) is not None},
+                rms={name: density.rms for name in targets[0] if (density := best[name].densities[k]) is not None},
             )
             for k, one in enumerate(images)
         },
@@ -159,7 +159,7 @@ def archive_of(
         findings=tuple(found.findings),
         scene=_scene(scene),
         laws=laws,
-        materials={name: material(name) for name in targets},
+        materials={name: material(name) for name in targets[0]},
         images=Images(
             reference_db=found.reference_db,
             calibrated_db=found.calibrated_db,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -38,7 +38,7 @@ def _law_description(material: Material, first: Radar, radar: Radar, seed: int) 
 
 
 class Runner:
-    """Runner of the simulator: it reads recorded runs from the run store, and simulates and records all other runs.
+    """Runner of the simulator in one pass: it reads recorded runs from the run store, and simulates all other runs.
 
     Parameters
     ----------
@@ -55,11 +55,6 @@ class Runner:
     first : Radar, optional
         First pass of the case; the keys ``looks`` of the materials are effective looks in the image of this pass. By
         default the pass of ``case``.
-
-    Attributes
-    ----------
-    passes : sequence of Runner
-        Runners of all passes of a case, in their order; by default this one alone.
     """
 
     def __init__(
@@ -71,7 +66,6 @@ class Runner:
         case: Part,
         first: Radar | None = None,
     ) -> None:
-        self.passes: Sequence[Runner] = (self,)
         self._store, self._simulator = store, simulator
         self._geometry, self._scene_identity, self._case = geometry, scene_identity, case
         first = first or case.radar

@@ -1,4 +1,4 @@
-"""Construction of the configured simulator, and of its runner with the run store of the case."""
+"""Construction of the configured simulator, and of its runners with the run store of the case."""
 
 from __future__ import annotations
 
@@ -46,29 +46,23 @@ def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path, sc
     return kind.of(case, geometry, geometry_path)
 
 
-def make_runner(
-    case: Part, scene_path: str | Path, geometry_path: str | Path | Sequence[str | Path], runs: str | Path
-) -> Runner:
-    """Runner that reads runs from the case's run store, and simulates new runs with the configured simulator.
-
-    ``geometry_path`` may be a list with the geometry file of each pass of the case. The result is the runner of the
-    first pass; its attribute ``passes`` contains the runners of all passes.
-    """
-    paths = [geometry_path] if isinstance(geometry_path, str | Path) else list(geometry_path)
-    return runner_of(case, read_scene(scene_path), [read_geometry(path) for path in paths], paths, runs)
+def make_runners(
+    case: Part, scene_path: str | Path, geometry_paths: Sequence[str | Path], runs: str | Path
+) -> list[Runner]:
+    """Runner of each pass, which reads runs from the case's run store, and simulates new ones as configured."""
+    scene, geometries = read_scene(scene_path), [read_geometry(path) for path in geometry_paths]
+    return runners_of(case, scene, geometries, geometry_paths, runs)
 
 
-def runner_of(
+def runners_of(
     case: Part, scene: Scene, geometries: Sequence[Geometry], paths: Sequence[str | Path], runs: str | Path
-) -> Runner:
-    """Runner as of :func:`make_runner`, from the scene and the geometry of each pass.
+) -> list[Runner]:
+    """Runners as of :func:`make_runners`, from the scene and the geometry of each pass.
 
     The files ``paths`` need not exist before the first run.
     """
     each, identity = case.passes, scene.identity
-    runners = [
+    return [
         Runner(RunStore(runs), make_simulator(one, geometry, path, scene), geometry, identity, one, each[0].radar)
         for one, geometry, path in zip(each, geometries, paths, strict=True)
     ]
-    runners[0].passes = runners
-    return runners[0]

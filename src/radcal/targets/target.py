@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
@@ -149,7 +149,7 @@ class Target:
 
 
 class Targets(dict[str, Target]):
-    """Target of each calibrated material, with the level normalisation for the comparison with runs.
+    """Target of each calibrated material in one pass, with the level normalisation for the comparison with runs.
 
     Parameters
     ----------
@@ -159,24 +159,14 @@ class Targets(dict[str, Target]):
         Level normalisation of both images; by default none.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
-
-    Attributes
-    ----------
-    passes : sequence of Targets
-        Targets of all passes of a case, in their order; by default these alone. Later passes may lack a material.
     """
 
     def __init__(
         self, targets: Mapping[str, Target], levels: Levels | None = None, looks: float = float("nan")
     ) -> None:
         super().__init__(targets)
-        self.passes: Sequence[Targets] = (self,)
         self.levels = levels or Levels()
         self.looks = looks
-
-    def level_only(self, name: str) -> bool:
-        """Whether a material is seen at one incidence angle only, in each pass that shows it."""
-        return all(one[name].level_only for one in self.passes if name in one)
 
     def textured(self, name: str) -> bool:
         """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
@@ -220,11 +210,15 @@ def write_targets(path: str | Path, targets: Targets) -> None:
     write_item(path, "target", _Stored(targets, targets.levels, targets.looks))
 
 
-def read_targets(*paths: str | Path) -> Targets:
-    """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`."""
-    found = []
-    for path in paths:
-        stored = read_item(path, "target", _Stored)
-        found.append(Targets(stored.materials, stored.levels, stored.looks))
-    found[0].passes = found
-    return found[0]
+def read_targets(paths: Iterable[str | Path]) -> list[Targets]:
+    """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`.
+
+    The first pass shows all calibrated materials; the others may lack some.
+    """
+    each = (read_item(path, "target", _Stored) for path in paths)
+    return [Targets(one.materials, one.levels, one.looks) for one in each]
+
+
+def level_only(targets: Iterable[Targets], name: str) -> bool:
+    """Whether a material is seen at one incidence angle only, in each pass that shows it."""
+    return all(one[name].level_only for one in targets if name in one)
