@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from radcal.bands import WIDTH_FACTOR, same_label
 from radcal.config.fitting_defaults import (
@@ -21,7 +21,7 @@ from radcal.config.fitting_defaults import (
 from radcal.config.part import Measurements, Part, Radars
 from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
 from radcal.sections.base import PASSES, CaseName
-from radcal.sections.errors import Mistake, Wrong, key_in_list, nearest
+from radcal.sections.errors import Mistake, Wrong, key_in_list, mistakes_of, nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
 from radcal.sections.measurement import (
@@ -131,16 +131,16 @@ class Case(Part):
         return self.registration.rounds == 2 and self.registration.method != "none" and self.has_baseline
 
     @model_validator(mode="after")
-    def _consistent(self, info: ValidationInfo) -> Self:
+    def _of_equal_lengths(self) -> Self:
         if not len(self.radars) == len(self.measurements) > 0:
             lengths = f"radar of {len(self.radars)} and measurement of {len(self.measurements)}"
             wrong = f": found {lengths}, expected lists of equal length, with one item for each pass"
             raise Wrong("measurement", wrong)
-        if found := {str(one): one for one in self._contradictions()}:
-            if not isinstance(info.context, list):  # a list collects them, and the caller gets the case
-                raise ValueError(*found.values())
-            info.context.extend(Mistake(one.key, text) for text, one in found.items())
         return self
+
+    def contradictions(self) -> list[Mistake]:
+        """Contradictions between settings of different sections, in the order of the sections."""
+        return mistakes_of(self._contradictions())
 
     def _contradictions(self) -> Iterator[Wrong]:
         """Sentences on contradictions between settings of different sections, in the order of the sections."""

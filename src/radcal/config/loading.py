@@ -17,7 +17,7 @@ from radcal.errors import ConfigError
 from radcal.laws import LAWS
 from radcal.reading.base import READERS
 from radcal.sections.base import MATERIALS_FROM, with_undecided
-from radcal.sections.errors import Mistake, first_of, mistakes, shown
+from radcal.sections.errors import Mistake, first_of, mistakes, mistakes_of, shown
 from radcal.sections.measurement import REGISTRATIONS
 from radcal.sections.objectives import OBJECTIVES
 from radcal.sections.scene import SCENES
@@ -68,7 +68,8 @@ class Loaded:
 
     def __post_init__(self) -> None:
         try:
-            self.case = Case.model_validate(self.data, context=self.mistakes)
+            self.case = Case.model_validate(self.data)
+            self.mistakes = self.case.contradictions()
         except ValidationError as error:
             self.mistakes = mistakes(error, Case)
 
@@ -128,7 +129,7 @@ def load(files: Sequence[str | Path], overrides: Mapping[str, Any] | None = None
     ConfigError
         A file is missing, empty or not YAML, a key occurs twice, or a key or value is wrong.
     """
-    return Loaded(*_read(files, overrides)).right()
+    return load_with_problems(files, overrides).right()
 
 
 def load_with_inputs(
@@ -192,8 +193,7 @@ def load_forward(
         data["measurement"] = [{}] * len(passes)
     loaded = Loaded(dict(with_undecided(data)), origin, places)
     if loaded.case is not None:
-        found = {str(wrong): wrong.key for one in loaded.case.passes for wrong in one.laws_without_pass()}
-        loaded.mistakes = [Mistake(key, text) for text, key in found.items()]
+        loaded.mistakes = mistakes_of(wrong for one in loaded.case.passes for wrong in one.laws_without_pass())
     if loaded.case is None or loaded.mistakes:
         raise ConfigError("\nradcal: ".join(f"{loaded.at(one.key, one.text)}." for one in loaded.mistakes))
     return model_of(*FORWARD).of(loaded.case)
@@ -217,7 +217,7 @@ def load_measured(files: Sequence[str | Path], overrides: Mapping[str, Any] | No
     ConfigError
         As for :func:`load`.
     """
-    loaded = Loaded(*_read(files, overrides))
+    loaded = load_with_problems(files, overrides)
     if "measurement" not in loaded.data:
         return None
     return loaded.case if loaded.case is not None and not loaded.case.calibrated else loaded.right()

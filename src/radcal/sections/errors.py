@@ -88,6 +88,11 @@ def first_of(texts: Sequence[str]) -> str:
     return f"{shown(texts[0], 600)}{more}."
 
 
+def mistakes_of(found: Iterable[Wrong]) -> list[Mistake]:
+    """Mistakes of a case from errors about its keys; equal sentences, as of several passes, count once."""
+    return [Mistake(key, text) for text, key in {str(one): one.key for one in found}.items()]
+
+
 def mistakes(error: ValidationError, root: type[BaseModel]) -> list[Mistake]:
     """List of the mistakes that pydantic found, one for each key and for each contradiction.
 
