@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import h5py
 import numpy as np
@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from radcal.errors import StoreError
-from radcal.storage.dataclass_groups import About, put, same, table, take
+from radcal.storage.dataclass_groups import put, same, table, take
 
 
 @dataclass(frozen=True)
@@ -30,19 +30,29 @@ class Curve:
 
 @dataclass(frozen=True)
 class Outer:
+    """Fields of all types.
+
+    Attributes
+    ----------
+    image_db : ndarray
+        Image of the pass [dB].
+    arrays : mapping
+        Anything.
+    """
+
     count: int
     fixed: bool
     source: str
     mode: Literal["a", "b"]
     shape: tuple[int, int]
     names: tuple[str, ...]
-    image_db: Annotated[NDArray[np.float32], About("image of the pass", unit="dB")]
+    image_db: NDArray[np.float32]
     inner: Inner
     given: Inner | None
     curves: Mapping[str, Curve]
     parts: Mapping[str, Inner]
     reasons: Mapping[str, int]
-    arrays: Annotated[Mapping[str, NDArray[np.float64]], About("anything")]
+    arrays: Mapping[str, NDArray[np.float64]]
     other: Inner | None = None
     maybe_db: float | None = None
     later: float = 2.5
@@ -90,10 +100,10 @@ def test_the_file_is_what_the_table_says(tmp_path):
     with h5py.File(tmp_path / "a.h5", "r") as file:
         assert {**file.attrs, "shape": list(file.attrs["shape"])} == {**PLAIN, "shape": [4, 7], "later": 2.5}
         assert set(file) == {"names", "image_db", "inner", "curves", "parts", "reasons", "arrays", "notes"}
-        assert dict(file["image_db"].attrs) == {"description": "image of the pass", "unit": "dB"}
+        assert dict(file["image_db"].attrs) == {"description": "Image of the pass", "unit": "dB"}
         assert file["image_db"].compression == "gzip"
         assert file["inner/flags"].compression is None
-        assert dict(file["arrays"].attrs) == {"description": "anything"}
+        assert dict(file["arrays"].attrs) == {"description": "Anything"}
         assert file["inner"].attrs["level_db"] == -3.5
         assert dict(file["reasons"].attrs) == {"in shadow": 4, "near an edge": 0}
         assert file["curves/z"].attrs["law"] == "mangia"
@@ -159,16 +169,28 @@ def test_a_type_without_a_place_is_refused(tmp_path):
 
 @dataclass(frozen=True)
 class Checked:
-    words: Annotated[tuple[str, ...], About("warnings")]
-    curves: Annotated[Mapping[str, NDArray[np.float64]], About("a law each", "dB", "n")]
+    """Mappings, and an image that may be absent.
+
+    Attributes
+    ----------
+    words : tuple of str
+        Warnings.
+    curves : mapping of str to ndarray, shape (n,)
+        A law each [dB].
+    image : ndarray or None
+        Image.
+    """
+
+    words: tuple[str, ...]
+    curves: Mapping[str, NDArray[np.float64]]
     parts: Mapping[str, Inner]
-    image: Annotated[NDArray[Any] | None, About("image")] = None
+    image: NDArray[Any] | None = None
 
 
 def test_each_array_of_a_mapping_is_described_as_the_mapping(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         put(file, Checked((), {"a": np.array([1.0])}, {}))
-        assert file["curves/a"].attrs["description"] == "a law each"
+        assert file["curves/a"].attrs["description"] == "A law each"
         assert file["curves/a"].dims[0].label == "n"
 
 
@@ -183,12 +205,12 @@ def test_fields_that_are_not_wanted_are_not_read(tmp_path):
 
 def test_the_table_names_every_place(tmp_path):
     assert table(Checked).splitlines()[2:] == [
-        "| `words` |  | texts |  | warnings |",
-        "| `curves/<name>` |  | float64 (n) | dB | a law each |",
+        "| `words` |  | texts |  | Warnings |",
+        "| `curves/<name>` |  | float64 (n) | dB | A law each |",
         "| `parts/<name>` |  | group |  |  |",
         "| `parts/<name>` | `level_db` | number |  |  |",
         "| `parts/<name>/flags` |  | bool |  |  |",
-        "| `image` |  | numbers, or absent |  | image |",
+        "| `image` |  | numbers, or absent |  | Image |",
     ]
     kinds = {row.split("|")[3].strip() for row in table(Outer).splitlines()[2:]}
     assert kinds >= {"integer", "true or false", "text", "numbers", "texts", "float32", "group", "float64"}
@@ -233,10 +255,24 @@ def test_fields_are_described_in_the_docstring(tmp_path):
 
 @dataclass(frozen=True)
 class Scaled:
-    angle_deg: Annotated[NDArray[np.float64], About("angle", "deg", "a", scale=True)]
-    level_db: Annotated[NDArray[np.float64], About("level", "dB", "m, a")]
-    plain: Annotated[NDArray[np.float64], About("others", shape="m")]
-    unknown: Annotated[NDArray[np.float64] | None, About("absent", shape="a")] = None
+    """Levels at angles.
+
+    Attributes
+    ----------
+    angle_deg : ndarray, shape (a,), dimension scale
+        Angle [deg].
+    level_db : ndarray, shape (m, a)
+        Level [dB].
+    plain : ndarray, shape (m,)
+        Others.
+    unknown : ndarray or None, shape (a,)
+        Absent.
+    """
+
+    angle_deg: NDArray[np.float64]
+    level_db: NDArray[np.float64]
+    plain: NDArray[np.float64]
+    unknown: NDArray[np.float64] | None = None
 
 
 def test_dimension_scales_lead_from_values_to_their_coordinate(tmp_path):

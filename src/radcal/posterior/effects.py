@@ -8,14 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import Uncertainty
 from radcal.posterior.cells import CellMeans
-from radcal.storage.dataclass_groups import About
 
 Doubles = NDArray[np.float64]
 
@@ -62,14 +61,24 @@ class Observed:
 
 @dataclass(frozen=True)
 class Shared:
-    """Posterior of the effects that all materials share in p passes, as a normal distribution, given a radiometry."""
+    """Posterior of the effects that all materials share in p passes, as a normal distribution, given a radiometry.
 
-    chance: Annotated[float, About("probability of this radiometry of the passes")]
-    mean: Annotated[Doubles, About("level, area exponent, noise, incidence by pass; point spread", shape="4 p + 1")]
-    covariance: Annotated[Doubles, About("covariance of the shared effects", shape="4 p + 1, 4 p + 1")]
-    field: Annotated[
-        tuple[float, ...], About("mean and standard deviation of the logarithm of the common sd of fields", "log dB")
-    ]
+    Attributes
+    ----------
+    chance : float
+        Probability of this radiometry of the passes.
+    mean : ndarray of float64, shape (4 p + 1,)
+        Level, area exponent, noise, incidence by pass; point spread.
+    covariance : ndarray of float64, shape (4 p + 1, 4 p + 1)
+        Covariance of the shared effects.
+    field : tuple of float
+        Mean and standard deviation of the logarithm of the common sd of fields [log dB].
+    """
+
+    chance: float
+    mean: Doubles
+    covariance: Doubles
+    field: tuple[float, ...]
 
 
 def form_basis(angles_deg: Doubles, knots_deg: Doubles, count: int) -> Doubles:

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import Annotated
 
 import numpy as np
 
 from radcal.posterior.cells import WITHOUT_AREA, CellMeans
-from radcal.storage.dataclass_groups import About
 
 _SNR_DB, _FEWEST = 10.0, 30  # of a fixed material that counts: level above the noise, number of cells
 _MATERIALS = 2
@@ -20,13 +18,27 @@ _LEFT_OUT = 0.05  # chance below which a radiometry may lie outside of a 90 % ba
 
 @dataclass(frozen=True)
 class Radiometry:
-    """Exponent on the area of the ground in a pixel, by which the image differs from the declared radiometry."""
+    """Exponent on the area of the ground in a pixel, by which the image differs from the declared radiometry.
 
-    exponent: Annotated[float, About("exponent on the area of the ground; NaN if no fixed material shows it")]
-    error: Annotated[float, About("standard error of `exponent`")]
-    term: Annotated[int, About("exponent of an image of the other radiometry: 1 if the declared one lacks the area")]
-    chance: Annotated[float, About("probability of the other radiometry")]
-    materials: Annotated[tuple[str, ...], About("fixed materials that show it")]
+    Attributes
+    ----------
+    exponent : float
+        Exponent on the area of the ground; NaN if no fixed material shows it.
+    error : float
+        Standard error of ``exponent``.
+    term : int
+        Exponent of an image of the other radiometry: 1 if the declared one lacks the area.
+    chance : float
+        Probability of the other radiometry.
+    materials : tuple of str
+        Fixed materials that show it.
+    """
+
+    exponent: float
+    error: float
+    term: int
+    chance: float
+    materials: tuple[str, ...]
 
     @property
     def found(self) -> int:

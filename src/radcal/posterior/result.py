@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,7 +12,6 @@ from radcal.laws import Law
 from radcal.posterior.curves import GRID_DEG, curves_of
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
-from radcal.storage.dataclass_groups import About
 
 Doubles = NDArray[np.float64]
 
@@ -24,19 +22,36 @@ _MEAN_POWER = np.log(10.0) / 20.0  # dB of mean power per dB^2 of variance of th
 
 @dataclass(frozen=True)
 class Curve:
-    """Curve of sigma0, the mean power of the ground at each local incidence, with its 90 % band."""
+    """Curve of sigma0, the mean power of the ground at each local incidence, with its 90 % band.
 
-    incidence_deg: Annotated[Doubles, About("local incidence", "deg", "a", scale=True)]
-    median_db: Annotated[Doubles, About("median of sigma0 of the material", "dB", "a")]
-    p05_db: Annotated[Doubles, About("5 % quantile of sigma0", "dB", "a")]
-    p95_db: Annotated[Doubles, About("95 % quantile of sigma0", "dB", "a")]
-    systematic_db: Annotated[
-        Doubles,
-        About("part of the band's half-width by level, radiometry, noise, incidence and point spread", "dB", "a"),
-    ]
-    field_median_db: Annotated[Doubles, About("median of sigma0 of the calibrated fields", "dB", "a")]
-    field_p05_db: Annotated[Doubles, About("5 % quantile of sigma0 of the calibrated fields", "dB", "a")]
-    field_p95_db: Annotated[Doubles, About("95 % quantile of sigma0 of the calibrated fields", "dB", "a")]
+    Attributes
+    ----------
+    incidence_deg : ndarray of float64, shape (a,), dimension scale
+        Local incidence [deg].
+    median_db : ndarray of float64, shape (a,)
+        Median of sigma0 of the material [dB].
+    p05_db : ndarray of float64, shape (a,)
+        5 % quantile of sigma0 [dB].
+    p95_db : ndarray of float64, shape (a,)
+        95 % quantile of sigma0 [dB].
+    systematic_db : ndarray of float64, shape (a,)
+        Part of the band's half-width by level, radiometry, noise, incidence and point spread [dB].
+    field_median_db : ndarray of float64, shape (a,)
+        Median of sigma0 of the calibrated fields [dB].
+    field_p05_db : ndarray of float64, shape (a,)
+        5 % quantile of sigma0 of the calibrated fields [dB].
+    field_p95_db : ndarray of float64, shape (a,)
+        95 % quantile of sigma0 of the calibrated fields [dB].
+    """
+
+    incidence_deg: Doubles
+    median_db: Doubles
+    p05_db: Doubles
+    p95_db: Doubles
+    systematic_db: Doubles
+    field_median_db: Doubles
+    field_p05_db: Doubles
+    field_p95_db: Doubles
 
     @property
     def half_width_db(self) -> Doubles:
@@ -55,38 +70,74 @@ class Curve:
 
 @dataclass(frozen=True)
 class LevelPoints:
-    """Measured levels in k intervals of incidence, less the image's level and what the simulator adds to its law."""
+    """Measured levels in k intervals of incidence, less the image's level and what the simulator adds to its law.
 
-    incidence_deg: Annotated[Doubles, About("mean local incidence of each interval", "deg", "k", scale=True)]
-    level_db: Annotated[Doubles, About("mean level of the cells of each interval", "dB", "k")]
-    error_db: Annotated[Doubles, About("standard error of `level_db` by speckle, cells and fields", "dB", "k")]
-    predicted_db: Annotated[
-        Doubles, About("5, 50 and 95 % quantile of the levels of other images of such ground", "dB", "k, 3")
-    ]
-    p: Annotated[
-        float, About("share of such images whose levels lie further from the draws of the law than the measured")
-    ]
+    Attributes
+    ----------
+    incidence_deg : ndarray of float64, shape (k,), dimension scale
+        Mean local incidence of each interval [deg].
+    level_db : ndarray of float64, shape (k,)
+        Mean level of the cells of each interval [dB].
+    error_db : ndarray of float64, shape (k,)
+        Standard error of ``level_db`` by speckle, cells and fields [dB].
+    predicted_db : ndarray of float64, shape (k, 3)
+        5, 50 and 95 % quantile of the levels of other images of such ground [dB].
+    p : float
+        Share of such images whose levels lie further from the draws of the law than the measured.
+    """
+
+    incidence_deg: Doubles
+    level_db: Doubles
+    error_db: Doubles
+    predicted_db: Doubles
+    p: float
 
 
 @dataclass(frozen=True)
 class FormError:
-    """Error of the form of a law over the incidence seen, less its mean."""
+    """Error of the form of a law over the incidence seen, less its mean.
 
-    rms_db: Annotated[Doubles, About("5, 50 and 95 % quantile of its root mean square", "dB", "3")]
-    noticed: Annotated[bool, About("its 90 % interval leaves 0 at some angle")]
-    refuted: Annotated[bool, About("5 % quantile of its root mean square is above 1 dB")]
-    noticed_db: Annotated[float, About("smallest bump that would be noticed in 9 of 10 images", "dB")]
+    Attributes
+    ----------
+    rms_db : ndarray of float64, shape (3,)
+        5, 50 and 95 % quantile of its root mean square [dB].
+    noticed : bool
+        Its 90 % interval leaves 0 at some angle.
+    refuted : bool
+        5 % quantile of its root mean square is above 1 dB.
+    noticed_db : float
+        Smallest bump that would be noticed in 9 of 10 images [dB].
+    """
+
+    rms_db: Doubles
+    noticed: bool
+    refuted: bool
+    noticed_db: float
 
 
 @dataclass(frozen=True)
 class KeptDraws:
-    """Up to 400 draws from the posterior of a law with d parameters, taken evenly from the sample."""
+    """Up to 400 draws from the posterior of a law with d parameters, taken evenly from the sample.
 
-    parameters: Annotated[Doubles, About("X of each draw", shape="m, d")]
-    field_db: Annotated[Doubles, About("standard deviation of the effects of fields", "dB", "m")]
-    cell_db: Annotated[Doubles, About("standard deviation of the effects of cells", "dB", "m")]
-    form_db: Annotated[Doubles, About("error of the law's form at each whole degree of incidence", "dB", "m, 91")]
-    fields_db: Annotated[Doubles, About("mean effect of the calibrated fields", "dB", "m")]
+    Attributes
+    ----------
+    parameters : ndarray of float64, shape (m, d)
+        X of each draw.
+    field_db : ndarray of float64, shape (m,)
+        Standard deviation of the effects of fields [dB].
+    cell_db : ndarray of float64, shape (m,)
+        Standard deviation of the effects of cells [dB].
+    form_db : ndarray of float64, shape (m, 91)
+        Error of the law's form at each whole degree of incidence [dB].
+    fields_db : ndarray of float64, shape (m,)
+        Mean effect of the calibrated fields [dB].
+    """
+
+    parameters: Doubles
+    field_db: Doubles
+    cell_db: Doubles
+    form_db: Doubles
+    fields_db: Doubles
 
     def laws_db(self, law: Law) -> Doubles:
         """Levels of median fields [dB] by each draw on the grid of incidence, shape (m, 361): law and form error."""
@@ -104,21 +155,43 @@ class KeptDraws:
 
 @dataclass(frozen=True)
 class Constant:
-    """Level of a material as one constant: generalised least squares mean of cells with effects of fields and cells."""
+    """Level of a material as one constant: generalised least squares mean of cells with effects of fields and cells.
 
-    mean_db: Annotated[float, About("mean level, on level ground and without noise", "dB")]
-    variance: Annotated[float, About("variance of `mean_db`", "dB^2")]
-    between_db: Annotated[float, About("standard deviation of the effects of fields", "dB")]
-    within_db: Annotated[float, About("standard deviation of the effects of cells", "dB")]
+    Attributes
+    ----------
+    mean_db : float
+        Mean level, on level ground and without noise [dB].
+    variance : float
+        Variance of ``mean_db`` [dB^2].
+    between_db : float
+        Standard deviation of the effects of fields [dB].
+    within_db : float
+        Standard deviation of the effects of cells [dB].
+    """
+
+    mean_db: float
+    variance: float
+    between_db: float
+    within_db: float
 
 
 @dataclass(frozen=True)
 class Predicted:
-    """Predicted means of c cells or incidence-angle bins."""
+    """Predicted means of c cells or incidence-angle bins.
 
-    mean_db: Annotated[Doubles, About("predicted mean", "dB", "c")]
-    p05_db: Annotated[Doubles, About("5 % quantile of the predictive distribution", "dB", "c")]
-    p95_db: Annotated[Doubles, About("95 % quantile of the predictive distribution", "dB", "c")]
+    Attributes
+    ----------
+    mean_db : ndarray of float64, shape (c,)
+        Predicted mean [dB].
+    p05_db : ndarray of float64, shape (c,)
+        5 % quantile of the predictive distribution [dB].
+    p95_db : ndarray of float64, shape (c,)
+        95 % quantile of the predictive distribution [dB].
+    """
+
+    mean_db: Doubles
+    p05_db: Doubles
+    p95_db: Doubles
 
     def averaged(self, other: Predicted) -> Predicted:
         """Average with another prediction, of the means and of the quantiles, with equal weights.
@@ -134,13 +207,27 @@ class Predicted:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Cells that were left out of the fit, with their predictions from the other cells."""
+    """Cells that were left out of the fit, with their predictions from the other cells.
 
-    patch: Annotated[NDArray[np.int64], About("field of each cell", shape="c")]
-    incidence_deg: Annotated[Doubles, About("mean local incidence", "deg", "c")]
-    measured_db: Annotated[Doubles, About("measured mean, less what the simulator adds to its law", "dB", "c")]
-    law: Annotated[Predicted, About("prediction by the model of the law alone")]
-    constant: Annotated[Predicted, About("prediction by the constant alone")]
+    Attributes
+    ----------
+    patch : ndarray of int64, shape (c,)
+        Field of each cell.
+    incidence_deg : ndarray of float64, shape (c,)
+        Mean local incidence [deg].
+    measured_db : ndarray of float64, shape (c,)
+        Measured mean, less what the simulator adds to its law [dB].
+    law : Predicted
+        Prediction by the model of the law alone.
+    constant : Predicted
+        Prediction by the constant alone.
+    """
+
+    patch: NDArray[np.int64]
+    incidence_deg: Doubles
+    measured_db: Doubles
+    law: Predicted
+    constant: Predicted
 
     @property
     def predicted(self) -> Predicted:
@@ -158,44 +245,81 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Posterior of one material's law with d parameters: quantiles, curve of sigma0, error of the form, kept draws."""
+    """Posterior of one material's law with d parameters: quantiles, curve of sigma0, error of the form, kept draws.
 
-    sampled: Annotated[bool, About("sampler has converged")]
-    ess: Annotated[float, About("smallest effective sample size among the unknowns")]
-    r_hat: Annotated[float, About("largest split R-hat among the unknowns")]
-    steps: Annotated[int, About("steps of each walker of the sampler")]
-    cells: Annotated[int, About("number of cells")]
-    fields: Annotated[int, About("number of fields")]
-    parameters_p05: Annotated[Doubles, About("5 % quantile of each parameter", shape="d")]
-    parameters_p50: Annotated[Doubles, About("median of each parameter", shape="d")]
-    parameters_p95: Annotated[Doubles, About("95 % quantile of each parameter", shape="d")]
-    looks: Annotated[float, About("effective looks of the measured pixels inside of the cells")]
-    between_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the standard deviation between fields", "dB", "3")]
-    within_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the standard deviation within fields", "dB", "3")]
-    seen_deg: Annotated[Doubles, About("5 and 95 % quantile of the local incidence of each pass", "deg", "passes, 2")]
-    parameters_model: Annotated[
-        Doubles | None, About("X in the bounds whose law is nearest to the median of sigma0", shape="d")
-    ] = None
-    curve: Annotated[Curve | None, About("curve of sigma0; absent for normalised images and laws without a curve")] = (
-        None
-    )
-    points: Annotated[LevelPoints | None, About("measured levels to compare with `curve`; absent without it")] = None
-    known_between_deg: Annotated[
-        tuple[float, ...] | None,
-        About("ends of the interval in which sigma0 is determined; absent if it is at no angle", "deg"),
-    ] = None
-    known_half_width_db: Annotated[
-        float | None, About("largest half-width of the 90 % band in `known_between_deg`; absent if there is none", "dB")
-    ] = None
-    form: Annotated[FormError | None, About("error of the law's form; absent where it cannot be told")] = None
-    draws: Annotated[KeptDraws | None, About("draws from the posterior, for predictions")] = None
-    constant: Annotated[Constant | None, About("level as one constant, for predictions; absent as `curve`")] = None
-    held: Annotated[HeldOut | None, About("predictions of held-out cells; absent without a section `validation`")] = (
-        None
-    )
-    left_out: Annotated[
-        HeldOut | None, About("predictions of whole fields from the others; absent without a section `validation`")
-    ] = None
+    Attributes
+    ----------
+    sampled : bool
+        Sampler has converged.
+    ess : float
+        Smallest effective sample size among the unknowns.
+    r_hat : float
+        Largest split R-hat among the unknowns.
+    steps : int
+        Steps of each walker of the sampler.
+    cells : int
+        Number of cells.
+    fields : int
+        Number of fields.
+    parameters_p05 : ndarray of float64, shape (d,)
+        5 % quantile of each parameter.
+    parameters_p50 : ndarray of float64, shape (d,)
+        Median of each parameter.
+    parameters_p95 : ndarray of float64, shape (d,)
+        95 % quantile of each parameter.
+    looks : float
+        Effective looks of the measured pixels inside of the cells.
+    between_db : ndarray of float64, shape (3,)
+        5, 50 and 95 % quantile of the standard deviation between fields [dB].
+    within_db : ndarray of float64, shape (3,)
+        5, 50 and 95 % quantile of the standard deviation within fields [dB].
+    seen_deg : ndarray of float64, shape (passes, 2)
+        5 and 95 % quantile of the local incidence of each pass [deg].
+    parameters_model : ndarray of float64 or None, shape (d,)
+        X in the bounds whose law is nearest to the median of sigma0.
+    curve : Curve or None
+        Curve of sigma0; absent for normalised images and laws without a curve.
+    points : LevelPoints or None
+        Measured levels to compare with ``curve``; absent without it.
+    known_between_deg : tuple of float or None
+        Ends of the interval in which sigma0 is determined; absent if it is at no angle [deg].
+    known_half_width_db : float or None
+        Largest half-width of the 90 % band in ``known_between_deg``; absent if there is none [dB].
+    form : FormError or None
+        Error of the law's form; absent where it cannot be told.
+    draws : KeptDraws or None
+        Draws from the posterior, for predictions.
+    constant : Constant or None
+        Level as one constant, for predictions; absent as ``curve``.
+    held : HeldOut or None
+        Predictions of held-out cells; absent without a section ``validation``.
+    left_out : HeldOut or None
+        Predictions of whole fields from the others; absent without a section ``validation``.
+    """
+
+    sampled: bool
+    ess: float
+    r_hat: float
+    steps: int
+    cells: int
+    fields: int
+    parameters_p05: Doubles
+    parameters_p50: Doubles
+    parameters_p95: Doubles
+    looks: float
+    between_db: Doubles
+    within_db: Doubles
+    seen_deg: Doubles
+    parameters_model: Doubles | None = None
+    curve: Curve | None = None
+    points: LevelPoints | None = None
+    known_between_deg: tuple[float, ...] | None = None
+    known_half_width_db: float | None = None
+    form: FormError | None = None
+    draws: KeptDraws | None = None
+    constant: Constant | None = None
+    held: HeldOut | None = None
+    left_out: HeldOut | None = None
 
     @property
     def middles_deg(self) -> Doubles:
@@ -205,20 +329,30 @@ class Posterior:
 
 @dataclass(frozen=True)
 class Image:
-    """What the fixed materials say of the measured images of p passes."""
+    """What the fixed materials say of the measured images of p passes.
 
-    shared: Annotated[
-        Mapping[str, Shared], About("shared effects by the area terms of the passes, the most probable ones first")
-    ]
-    laws_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law, less the level, by material", "dB")
-    ]
-    apart_db: Annotated[
-        Mapping[str, Doubles], About("5, 50 and 95 % quantile of image minus law in its first pass, by material", "dB")
-    ]
-    levels_db: Annotated[Doubles, About("5, 50 and 95 % quantile of the level of each pass", "dB", "p, 3")]
-    sampled: Annotated[bool, About("sampler has converged")]
-    radiometry: Annotated[Mapping[str, Radiometry], About("radiometry of each pass, by its number from 1")]
+    Attributes
+    ----------
+    shared : mapping of str to Shared
+        Shared effects by the area terms of the passes, the most probable ones first.
+    laws_db : mapping of str to ndarray of float64
+        5, 50 and 95 % quantile of image minus law, less the level, by material [dB].
+    apart_db : mapping of str to ndarray of float64
+        5, 50 and 95 % quantile of image minus law in its first pass, by material [dB].
+    levels_db : ndarray of float64, shape (p, 3)
+        5, 50 and 95 % quantile of the level of each pass [dB].
+    sampled : bool
+        Sampler has converged.
+    radiometry : mapping of str to Radiometry
+        Radiometry of each pass, by its number from 1.
+    """
+
+    shared: Mapping[str, Shared]
+    laws_db: Mapping[str, Doubles]
+    apart_db: Mapping[str, Doubles]
+    levels_db: Doubles
+    sampled: bool
+    radiometry: Mapping[str, Radiometry]
 
 
 def known_between(

@@ -1,5 +1,6 @@
 """Archive of all results of a calibration, ``calibration.h5``; the classes of this module define its layout.
 
+Of the units "dB or IQR", ``levels.unit`` says which of the two applies.
 ``python -m radcal.results.archive`` prints the layout as a table, which ``docs/archive.md`` contains.
 """
 
@@ -10,7 +11,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,13 +26,11 @@ from radcal.registration.registered import Registered
 from radcal.results.bin_statistics import BinStatistics
 from radcal.results.search_front import SearchFront
 from radcal.sections.objectives import OBJECTIVES
-from radcal.storage.dataclass_groups import About, put, table, take
+from radcal.storage.dataclass_groups import put, table, take
 from radcal.storage.records import read_hdf5, write_hdf5
 from radcal.targets.target import Target
 
 _KIND = "calibration"
-_UNIT = "dB or IQR"  # levels.unit says which of the two applies
-_DENSITY = "1/dB or 1/IQR"
 UNLISTED = (Registered, Target)
 """Classes whose fields the table of the layout does not list."""
 
@@ -44,57 +42,110 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True)
 class Runs:
-    """All n runs of a calibration, in the order reference, reused, design, infill."""
+    """All n runs of a calibration, in the order reference, reused, design, infill.
 
-    kind: Annotated[NDArray[np.str_], About("reference, registration, reused, design or infill", shape="n")]
-    index: Annotated[Integers, About("number of the run within its kind", shape="n")]
-    seconds: Annotated[Doubles, About("wall time of the simulator", "s", "n")]
+    Attributes
+    ----------
+    kind : ndarray of str, shape (n,)
+        Reference, registration, reused, design or infill.
+    index : ndarray of int64, shape (n,)
+        Number of the run within its kind.
+    seconds : ndarray of float64, shape (n,)
+        Wall time of the simulator [s].
+    """
+
+    kind: NDArray[np.str_]
+    index: Integers
+    seconds: Doubles
 
 
 @dataclass(frozen=True)
 class Fidelity:
-    """Proposals of the surrogate for each infill run, and statistics of the run; NaN without a prediction."""
+    """Proposals of the surrogate for each infill run, and statistics of the run; NaN without a prediction.
 
-    mode: Annotated[tuple[str, ...], About("mode of each proposal: exploit, explore, exhausted or ended", shape="m")]
-    cost: Annotated[Doubles, About("cost that the surrogate predicted", shape="m")]
-    floor: Annotated[
-        Doubles, About("smallest cost that the surrogate allows within two standard errors; NaN if unknown", shape="m")
-    ]
-    predicted: Annotated[
-        Doubles, About("predicted mean, log sd and skewness of each incidence-angle bin", _UNIT, "m, b, 3")
-    ]
-    error: Annotated[Doubles, About("kriging standard deviation of each predicted statistic", _UNIT, "m, b, 3")]
-    verified: Annotated[
-        Doubles, About("mean, log sd and skewness of each incidence-angle bin in the run", _UNIT, "m, b, 3")
-    ]
-    q2: Annotated[Doubles, About("leave-one-out Q2 of the surrogate, by statistic", shape="m, 3")]
+    Attributes
+    ----------
+    mode : tuple of str, shape (m,)
+        Mode of each proposal: exploit, explore, exhausted or ended.
+    cost : ndarray of float64, shape (m,)
+        Cost that the surrogate predicted.
+    floor : ndarray of float64, shape (m,)
+        Smallest cost that the surrogate allows within two standard errors; NaN if unknown.
+    predicted : ndarray of float64, shape (m, b, 3)
+        Predicted mean, log sd and skewness of each incidence-angle bin [dB or IQR].
+    error : ndarray of float64, shape (m, b, 3)
+        Kriging standard deviation of each predicted statistic [dB or IQR].
+    verified : ndarray of float64, shape (m, b, 3)
+        Mean, log sd and skewness of each incidence-angle bin in the run [dB or IQR].
+    q2 : ndarray of float64, shape (m, 3)
+        Leave-one-out Q2 of the surrogate, by statistic.
+    """
+
+    mode: tuple[str, ...]
+    cost: Doubles
+    floor: Doubles
+    predicted: Doubles
+    error: Doubles
+    verified: Doubles
+    q2: Doubles
 
 
 @dataclass(frozen=True)
 class MaterialResult:
-    """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target."""
+    """Target and results of one calibrated material: d parameters, n runs, m infill runs, p pixels of the target.
 
-    targets: Annotated[
-        Mapping[str, Target], About("target density and its measured pixels, by the number of the pass that shows it")
-    ]
-    simulated: Annotated[MaterialPixels, About("target's pixels in the reference run and both final runs")]
-    textured: Annotated[bool, About("material has far fewer looks than the image's homogeneous areas")]
-    level_only: Annotated[bool, About("material is seen at one incidence: only its level can be determined")]
-    best: Annotated[int, About("best run, an index into `runs`")]
-    parameters: Annotated[Doubles, About("X of each run; NaN for a run with another law", shape="n, d")]
-    dp: Annotated[Doubles, About("xi, omega and alpha (no unit) of each run's density", _UNIT, "n, 3")]
-    rms: Annotated[Doubles, About("rms difference of each run's density from the target's", _DENSITY, "n")]
-    cost: Annotated[
-        Doubles,
-        About("quantity that the search minimises: half the sum of squared residuals of bins, or the rms", shape="n"),
-    ]
-    looks: Annotated[Doubles, About("effective number of looks at which each run fits the target best", shape="n")]
-    posterior: Annotated[Posterior, About("posterior of the law")]
-    prior: Annotated[Doubles, About("draws of X from the prior of the posterior", shape="2000, d")]
-    hidden: Annotated[Doubles | None, About("true X of a synthetic measurement", shape="d")] = None
-    fidelity: Annotated[Fidelity | None, About("proposals of the surrogate and the runs that verified them")] = None
-    front: Annotated[SearchFront | None, About("front of the last search, if it had several objectives")] = None
-    bins: Annotated[BinStatistics | None, About("statistics of incidence-angle bins; absent without bins")] = None
+    Attributes
+    ----------
+    targets : mapping of str to Target
+        Target density and its measured pixels, by the number of the pass that shows it.
+    simulated : MaterialPixels
+        Target's pixels in the reference run and both final runs.
+    textured : bool
+        Material has far fewer looks than the image's homogeneous areas.
+    level_only : bool
+        Material is seen at one incidence: only its level can be determined.
+    best : int
+        Best run, an index into ``runs``.
+    parameters : ndarray of float64, shape (n, d)
+        X of each run; NaN for a run with another law.
+    dp : ndarray of float64, shape (n, 3)
+        xi, omega and alpha (no unit) of each run's density [dB or IQR].
+    rms : ndarray of float64, shape (n,)
+        Rms difference of each run's density from the target's [1/dB or 1/IQR].
+    cost : ndarray of float64, shape (n,)
+        Quantity that the search minimises: half the sum of squared residuals of bins, or the rms.
+    looks : ndarray of float64, shape (n,)
+        Effective number of looks at which each run fits the target best.
+    posterior : Posterior
+        Posterior of the law.
+    prior : ndarray of float64, shape (2000, d)
+        Draws of X from the prior of the posterior.
+    hidden : ndarray of float64 or None, shape (d,)
+        True X of a synthetic measurement.
+    fidelity : Fidelity or None
+        Proposals of the surrogate and the runs that verified them.
+    front : SearchFront or None
+        Front of the last search, if it had several objectives.
+    bins : BinStatistics or None
+        Statistics of incidence-angle bins; absent without bins.
+    """
+
+    targets: Mapping[str, Target]
+    simulated: MaterialPixels
+    textured: bool
+    level_only: bool
+    best: int
+    parameters: Doubles
+    dp: Doubles
+    rms: Doubles
+    cost: Doubles
+    looks: Doubles
+    posterior: Posterior
+    prior: Doubles
+    hidden: Doubles | None = None
+    fidelity: Fidelity | None = None
+    front: SearchFront | None = None
+    bins: BinStatistics | None = None
 
     @property
     def target(self) -> Target:
@@ -109,83 +160,148 @@ class MaterialResult:
 
 @dataclass(frozen=True)
 class Images:
-    """Whole images, with rows along slant range and columns along azimuth; None for an image that is not archived."""
+    """Whole images, with rows along slant range and columns along azimuth; None for an image that is not archived.
 
-    reference_db: Annotated[Floats | None, About("reference run", "dB", "rows, columns")] = None
-    calibrated_db: Annotated[Floats | None, About("calibrated run with another seed", "dB", "rows, columns")] = None
-    material: Annotated[
-        Bytes | None, About("material id k of `names[k - 1]`, 0 for mixed pixels", shape="rows, columns")
-    ] = None
-    incidence_deg: Annotated[Floats | None, About("mean local incidence", "deg", "rows, columns")] = None
+    Attributes
+    ----------
+    reference_db : ndarray of float32 or None, shape (rows, columns)
+        Reference run [dB].
+    calibrated_db : ndarray of float32 or None, shape (rows, columns)
+        Calibrated run with another seed [dB].
+    material : ndarray of uint8 or None, shape (rows, columns)
+        Material id k of ``names[k - 1]``, 0 for mixed pixels.
+    incidence_deg : ndarray of float32 or None, shape (rows, columns)
+        Mean local incidence [deg].
+    """
+
+    reference_db: Floats | None = None
+    calibrated_db: Floats | None = None
+    material: Bytes | None = None
+    incidence_deg: Floats | None = None
 
 
 @dataclass(frozen=True)
 class SceneView:
-    """Scene, reduced to the resolution of the figures; row 0 is in the south."""
+    """Scene, reduced to the resolution of the figures; row 0 is in the south.
 
-    step: Annotated[int, About("step between the cells of the scene that are archived, in rows and columns")]
-    cell_m: Annotated[float, About("width of a cell of the scene", "m")]
-    material: Annotated[Bytes, About("material id k of `names[k - 1]`", shape="y, x")]
-    elevation_m: Annotated[Floats | None, About("elevation", "m", "y, x")] = None
-    objects_m: Annotated[
-        Floats | None,
-        About("centres of objects (of many, every n-th), east and north of the south-west corner", "m", "objects, 2"),
-    ] = None
-    crs: Annotated[str | None, About("coordinate reference system, if the grid points to its north")] = None
-    west_m: Annotated[float, About("coordinate of the south-west corner in this system", "m")] = 0.0
-    south_m: Annotated[float, About("coordinate of the south-west corner in this system", "m")] = 0.0
+    Attributes
+    ----------
+    step : int
+        Step between the cells of the scene that are archived, in rows and columns.
+    cell_m : float
+        Width of a cell of the scene [m].
+    material : ndarray of uint8, shape (y, x)
+        Material id k of ``names[k - 1]``.
+    elevation_m : ndarray of float32 or None, shape (y, x)
+        Elevation [m].
+    objects_m : ndarray of float32 or None, shape (objects, 2)
+        Centres of objects (of many, every n-th), east and north of the south-west corner [m].
+    crs : str or None
+        Coordinate reference system, if the grid points to its north.
+    west_m : float
+        Coordinate of the south-west corner in this system [m].
+    south_m : float
+        Coordinate of the south-west corner in this system [m].
+    """
+
+    step: int
+    cell_m: float
+    material: Bytes
+    elevation_m: Floats | None = None
+    objects_m: Floats | None = None
+    crs: str | None = None
+    west_m: float = 0.0
+    south_m: float = 0.0
 
 
 @dataclass(frozen=True)
 class PassResult:
-    """Measured image of one pass, and the runs in this pass."""
+    """Measured image of one pass, and the runs in this pass.
 
-    registered: Annotated[
-        Registered, About("measured image and its registration; only the first pass has images, as in `registered.h5`")
-    ]
-    levels: Annotated[Levels, About("level of the measured image relative to the simulated")]
-    keys: Annotated[NDArray[np.str_], About("hash of each run, which names its record in `runs/`", shape="n")]
-    final_keys: Annotated[tuple[str, ...], About("hashes of the two final runs in this pass")]
-    rms: Annotated[
-        Mapping[str, float],
-        About("rms difference of the density of each material's best run from the target's, in this pass", _DENSITY),
-    ]
+    Attributes
+    ----------
+    registered : Registered
+        Measured image and its registration; only the first pass has images, as in ``registered.h5``.
+    levels : Levels
+        Level of the measured image relative to the simulated.
+    keys : ndarray of str, shape (n,)
+        Hash of each run, which names its record in ``runs/``.
+    final_keys : tuple of str
+        Hashes of the two final runs in this pass.
+    rms : mapping of str to float
+        Rms difference of the density of each material's best run from the target's, in this pass [1/dB or 1/IQR].
+    """
+
+    registered: Registered
+    levels: Levels
+    keys: NDArray[np.str_]
+    final_keys: tuple[str, ...]
+    rms: Mapping[str, float]
 
 
 @dataclass(frozen=True)
 class Archive:
-    """Results of a calibration at its end."""
+    """Results of a calibration at its end.
 
-    config: Annotated[str, About("configuration (JSON)")]
-    decision: Annotated[Decision, About("decision on the end of the search")]
-    measured_looks: Annotated[
-        float, About("equivalent number of looks (ENL) of the measured image's homogeneous areas")
-    ]
-    notes: Annotated[tuple[Finding, ...], About("findings on simulator and passes (JSON)")]
-    law_notes: Annotated[tuple[Finding, ...], About("laws used outside of their validity (JSON)")]
-    simulator: Annotated[str, About("identity of the simulator (JSON)")]
-    versions: Annotated[str, About("versions of Python and packages (JSON)")]
-    names: Annotated[tuple[str, ...], About("names of all materials, in the order of their ids")]
-    runs: Annotated[Runs, About("all n runs in their order: reference, registration, reused, design, infill")]
-    passes: Annotated[Mapping[str, PassResult], About("passes by their number from 1")]
-    image: Annotated[Image, About("what the fixed materials say of the images")]
-    findings: Annotated[tuple[Finding, ...], About("findings on images and materials (JSON)")]
-    scene: Annotated[SceneView, About("scene at the resolution of the figures; row 0 is in the south")]
-    laws: Annotated[Mapping[str, Doubles], About("X of every material's law in the final runs", shape="d")]
-    materials: Annotated[
-        Mapping[str, MaterialResult],
-        About("calibrated materials: d parameters, p pixels, m infill runs, b or c incidence-angle bins"),
-    ]
-    images: Annotated[Images, About("whole images; rows: slant range, columns: azimuth")] = field(
-        default_factory=Images
-    )
+    Attributes
+    ----------
+    config : str
+        Configuration (JSON).
+    decision : Decision
+        Decision on the end of the search.
+    measured_looks : float
+        Equivalent number of looks (ENL) of the measured image's homogeneous areas.
+    notes : tuple of Finding
+        Findings on simulator and passes (JSON).
+    law_notes : tuple of Finding
+        Laws used outside of their validity (JSON).
+    simulator : str
+        Identity of the simulator (JSON).
+    versions : str
+        Versions of Python and packages (JSON).
+    names : tuple of str
+        Names of all materials, in the order of their ids.
+    runs : Runs
+        All n runs in their order: reference, registration, reused, design, infill.
+    passes : mapping of str to PassResult
+        Passes by their number from 1.
+    image : Image
+        What the fixed materials say of the images.
+    findings : tuple of Finding
+        Findings on images and materials (JSON).
+    scene : SceneView
+        Scene at the resolution of the figures; row 0 is in the south.
+    laws : mapping of str to ndarray of float64, shape (d,)
+        X of every material's law in the final runs.
+    materials : mapping of str to MaterialResult
+        Calibrated materials: d parameters, p pixels, m infill runs, b or c incidence-angle bins.
+    images : Images
+        Whole images; rows: slant range, columns: azimuth.
+    """
+
+    config: str
+    decision: Decision
+    measured_looks: float
+    notes: tuple[Finding, ...]
+    law_notes: tuple[Finding, ...]
+    simulator: str
+    versions: str
+    names: tuple[str, ...]
+    runs: Runs
+    passes: Mapping[str, PassResult]
+    image: Image
+    findings: tuple[Finding, ...]
+    scene: SceneView
+    laws: Mapping[str, Doubles]
+    materials: Mapping[str, MaterialResult]
+    images: Images = field(default_factory=Images)
 
     @cached_property
     def configured(self) -> Case:
         """Configuration of the calibration; the values of a program's environment variables are not recorded."""
         sections = json.loads(self.config)
         sections["simulator"].pop("environment_sha256", None)
-        return Case.model_validate(sections, context=[])  # which collects contradictions: the case has run with them
+        return Case.model_validate(sections)
 
     @property
     def bins(self) -> bool:

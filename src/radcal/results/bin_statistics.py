@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from radcal.objectives import Comparison
 from radcal.objectives.history import History, Score
 from radcal.posterior.curves import curves_of
 from radcal.proposals.surrogate import Surrogate, Training
-from radcal.storage.dataclass_groups import About
 
 Doubles = NDArray[np.float64]
 
@@ -23,28 +21,33 @@ _TRIED, _KEPT = 40_000, 2_000  # points of which the draws from a prior are chos
 
 @dataclass(frozen=True)
 class BinStatistics:
-    """Mean, log sd and skewness of the b incidence-angle bins of one material, the bins of all passes in order."""
+    """Mean, log sd and skewness of the b incidence-angle bins of one material, the bins of all passes in order.
 
-    in_pass: Annotated[NDArray[np.int64], About("number of the pass of each bin, from 1", shape="b")]
-    incidence_deg: Annotated[Doubles, About("mean local incidence of each bin", "deg", "b")]
-    measured: Annotated[Doubles, About("statistics of the measured pixels", "dB, 1, 1", "b, 3")]
-    error: Annotated[
-        Doubles,
-        About("standard deviation of simulated minus measured by speckle, cells and fields", "dB, 1, 1", "b, 3"),
-    ]
-    calibrated: Annotated[
-        Doubles,
-        About("statistics expected of the best run, at its effective looks and with fields", "dB, 1, 1", "b, 3"),
-    ]
-    start: Annotated[
-        Doubles | None, About("the same of the reference run; absent if it has another law", "dB, 1, 1", "b, 3")
-    ] = None
-    sensitivity: Annotated[
-        Doubles | None,
-        About(
-            "change of a simulated statistic, by the surrogate, over 1 % of each bound's width", "dB, 1, 1", "b, 3, d"
-        ),
-    ] = None
+    Attributes
+    ----------
+    in_pass : ndarray of int64, shape (b,)
+        Number of the pass of each bin, from 1.
+    incidence_deg : ndarray of float64, shape (b,)
+        Mean local incidence of each bin [deg].
+    measured : ndarray of float64, shape (b, 3)
+        Statistics of the measured pixels [dB, 1, 1].
+    error : ndarray of float64, shape (b, 3)
+        Standard deviation of simulated minus measured by speckle, cells and fields [dB, 1, 1].
+    calibrated : ndarray of float64, shape (b, 3)
+        Statistics expected of the best run, at its effective looks and with fields [dB, 1, 1].
+    start : ndarray of float64 or None, shape (b, 3)
+        The same of the reference run; absent if it has another law [dB, 1, 1].
+    sensitivity : ndarray of float64 or None, shape (b, 3, d)
+        Change of a simulated statistic, by the surrogate, over 1 % of each bound's width [dB, 1, 1].
+    """
+
+    in_pass: NDArray[np.int64]
+    incidence_deg: Doubles
+    measured: Doubles
+    error: Doubles
+    calibrated: Doubles
+    start: Doubles | None = None
+    sensitivity: Doubles | None = None
 
 
 def bin_statistics(comparison: Comparison, history: History, training: Training | None = None) -> BinStatistics | None:

@@ -4,31 +4,39 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.objectives import Comparison
 from radcal.objectives.history import History
-from radcal.storage.dataclass_groups import About
 
 Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class SearchFront:
-    """Front of NSGA-II in the last search for a material: f points with p objectives, and the objectives of n runs."""
+    """Front of NSGA-II in the last search for a material: f points with p objectives, and the objectives of n runs.
 
-    objectives: Annotated[
-        tuple[str, ...], About("names of the sums of squared residuals that NSGA-II minimises as objectives")
-    ]
-    parameters: Annotated[Doubles, About("X of the points of the front", shape="f, d")]
-    looks: Annotated[Doubles, About("effective number of looks of each point of the front", shape="f")]
-    predicted: Annotated[
-        Doubles, About("objectives of the points of the front, predicted by the last surrogate", shape="f, p")
-    ]
-    verified: Annotated[Doubles, About("objectives of each run; NaN for a run with another law", shape="n, p")]
+    Attributes
+    ----------
+    objectives : tuple of str
+        Names of the sums of squared residuals that NSGA-II minimises as objectives.
+    parameters : ndarray of float64, shape (f, d)
+        X of the points of the front.
+    looks : ndarray of float64, shape (f,)
+        Effective number of looks of each point of the front.
+    predicted : ndarray of float64, shape (f, p)
+        Objectives of the points of the front, predicted by the last surrogate.
+    verified : ndarray of float64, shape (n, p)
+        Objectives of each run; NaN for a run with another law.
+    """
+
+    objectives: tuple[str, ...]
+    parameters: Doubles
+    looks: Doubles
+    predicted: Doubles
+    verified: Doubles
 
 
 def search_fronts(objectives: Mapping[str, Comparison], history: History) -> dict[str, SearchFront]:

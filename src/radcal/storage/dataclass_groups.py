@@ -18,9 +18,10 @@ An array of 1 MB or more is mapped into memory when it is read, so that the oper
 file that are used. Changes of such an array stay in memory.
 
 If a file lacks a field, the field gets its default value. Files written before the field was added can therefore
-still be read. ``Annotated[type, About("description", unit="dB")]`` adds the attributes ``description`` and ``unit`` to
-a dataset or group; for a field without ``About``, they are taken from the section ``Attributes`` of the dataclass's
-docstring. :func:`table` lists the descriptions and units.
+still be read. Description, unit and dimensions of a field are taken from the section ``Attributes`` of the dataclass's
+docstring, and become attributes of its dataset or group. An array of the type ``ndarray, shape (n,), dimension scale``
+holds the coordinates of its dimension for all datasets in its group that have a dimension with the same label.
+:func:`table` lists the descriptions and units.
 
 References
 ----------
@@ -36,9 +37,9 @@ import re
 import types
 import typing
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from importlib.metadata import version
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Any, Literal, TypeVar
 
 import h5py
 import numpy as np
@@ -56,40 +57,22 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class About:
-    """Description of a dataclass field; :func:`put` writes the description into the HDF5 file.
-
-    Attributes
-    ----------
-    description : str
-        Meaning of the field.
-    unit : str
-        Unit of the numbers; empty for numbers without a unit.
-    shape : str
-        Shape of an array, such as ``n, 3``; its parts become the labels of the dataset's dimensions.
-    scale : bool
-        Whether the array is a dimension scale. A dimension scale holds the coordinates of its dimension for all
-        datasets in its group that have a dimension with the same label.
-    """
+class _About:
+    """Description of a dataclass field, its unit, the labels of its dimensions, and whether it is a dimension scale."""
 
     description: str
-    unit: str = ""
-    shape: str = ""
-    scale: bool = False
-
-    @property
-    def labels(self) -> list[str]:
-        """Labels of the dimensions."""
-        return [part.strip() for part in self.shape.split(",")] if self.shape else []
+    unit: str
+    labels: list[str]
+    scale: bool
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """Field of a dataclass: name, type (without None and without annotations), and description."""
+    """Field of a dataclass: name, type (without None), and description."""
 
     name: str
     kind: Any
-    about: About | None
+    about: _About | None
     optional: bool
     default: Any  # MISSING for a field that the file must contain
 
@@ -179,16 +162,21 @@ def same(one: Any, other: Any) -> bool:
 
 
 def _read_entries(kind: type) -> tuple[_Entry, ...]:
-    """One entry for each stored field of a dataclass."""
-    hints = typing.get_type_hints(kind, include_extras=True)
-    documented = _documented(kind)
-    return tuple(_entry(item, hints[item.name], documented.get(item.name)) for item in fields(kind) if item.init)
+    """One entry for each stored field of a dataclass; a field that may be None has the default None."""
+    hints, documented = typing.get_type_hints(kind), _documented(kind)
+    entries = []
+    for item in (one for one in fields(kind) if one.init):
+        bare, optional = _without_none(hints[item.name])
+        default = item.default if item.default_factory is MISSING else item.default_factory
+        default = None if optional and default is MISSING else default
+        entries.append(_Entry(item.name, bare, documented.get(item.name), optional, default))
+    return tuple(entries)
 
 
 _entries: Callable[[Any], tuple[_Entry, ...]] = functools.cache(_read_entries)
 
 
-def _documented(kind: type) -> dict[str, About]:
+def _documented(kind: type) -> dict[str, _About]:
     """Descriptions of fields in the section ``Attributes`` of a dataclass's docstring, which has numpydoc's form."""
     _, _, section = inspect.cleandoc(kind.__doc__ or "").partition("Attributes\n----------\n")
     found = {}
@@ -196,20 +184,10 @@ def _documented(kind: type) -> dict[str, About]:
         text = re.sub(r":\w+:`[~.\w]*?(\w+)`", r"`\1`", " ".join(lines.split()).removesuffix(".").replace("``", "`"))
         shape, units = re.search(r"shape \(([^()]*?),?\)", described), re.findall(r" \[([^\]]*)\]", text)
         unit = units[0] if len(units) == 1 else ""
-        about = About(text.replace(f" [{unit}]", ""), unit, shape[1] if shape else "")
+        labels = shape[1].split(", ") if shape else []
+        about = _About(text.replace(f" [{unit}]", ""), unit, labels, described.endswith("dimension scale"))
         found.update(dict.fromkeys(names.split(", "), about))
     return found
-
-
-def _entry(item: Field[Any], hint: Any, documented: About | None) -> _Entry:
-    """Entry for a field of a dataclass; a field that may be None gets the default None."""
-    notes = typing.get_args(hint)[1:] if typing.get_origin(hint) is Annotated else ()
-    bare, optional = _without_none(typing.get_args(hint)[0] if notes else hint)
-    default = item.default if item.default_factory is MISSING else item.default_factory
-    if optional and default is MISSING:
-        default = None
-    about = next((one for one in notes if isinstance(one, About)), documented)
-    return _Entry(item.name, bare, about, optional, default)
 
 
 def _without_none(hint: Any) -> tuple[Any, bool]:
@@ -236,7 +214,7 @@ def _is_attribute(kind: Any) -> bool:
     return kind in (bool, int, float, str, Finding) or typing.get_origin(kind) is Literal
 
 
-def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: About | None = None) -> None:
+def _put(group: h5py.Group, name: str, value: Any, kind: Any, about: _About | None = None) -> None:
     if _is_attribute(kind):
         group.attrs[name] = value.json() if kind is Finding else value
         return
@@ -334,10 +312,10 @@ def table(kind: type, unlisted: Collection[type] = ()) -> str:
 def _rows(kind: type, path: str, unlisted: Collection[type]) -> Iterator[tuple[str, str, str, str, str]]:
     """Rows of the table that describes the layout of a file: one for each dataclass field stored below an HDF5 path."""
     for entry in _entries(kind):
-        about, inner, place = entry.about or About(""), entry.kind, f"{path}{entry.name}"
+        about, inner, place = entry.about or _About("", "", [], False), entry.kind, f"{path}{entry.name}"
         if _is_mapping(inner):
             inner, place = _item(inner), f"{place}/<name>"
-        shape = f" ({about.shape})" if about.shape else ""
+        shape = f" ({', '.join(about.labels)})" if about.labels else ""
         holds = f"{_holds(inner)}{shape}{', or absent' if entry.optional else ''}"
         if _is_mapping(entry.kind) and _is_attribute(inner):
             place, attribute = f"{path}{entry.name}", "`<name>`"

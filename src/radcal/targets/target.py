@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,6 @@ from radcal.ground.goodness import Goodness
 from radcal.ground.ground import Ground
 from radcal.ground.levels import Levels
 from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
-from radcal.storage.dataclass_groups import About
 from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
 from radcal.words import sentence
@@ -30,6 +28,8 @@ class Target:
 
     Attributes
     ----------
+    pixels : ndarray of int64, shape (n,), dimension scale
+        Flat indices, in the image, of the pixels drawn.
     order : ndarray of int64, shape (n,)
         Indices of the drawn pixels among the material's pixels in a run record.
     values_db : ndarray, shape (n,)
@@ -69,7 +69,7 @@ class Target:
         Statistics of the pixels by incidence-angle bin; None where the objective uses no bins.
     """
 
-    pixels: Annotated[NDArray[np.int64], About("flat indices, in the image, of the pixels drawn", "", "n", scale=True)]
+    pixels: NDArray[np.int64]
     order: NDArray[np.int64]
     values_db: NDArray[np.float64]
     incidence_deg: NDArray[np.float32]
