@@ -10,7 +10,7 @@ from radcal.errors import ConfigError, StoreError
 from radcal.laws import LAWS
 from radcal.radar.geometry import Frame, joined, read_geometry, write_geometry
 from radcal.radar.projection import make_frame, make_geometry, strips_of
-from radcal.scene.model import Scene
+from radcal.scene.model import Scene, scene_on_disk, write_scene
 from radcal.scene.object_generator import generate_objects
 from radcal.scene.objects import Walls
 from radcal.simulators.builtin import BuiltinSimulator
@@ -52,9 +52,13 @@ def rough():
 
 @pytest.mark.parametrize("name", PASSES)
 @pytest.mark.parametrize("number", [2, 3])  # the first strips have 256 rows, the last one of two has 444
-def test_strips_are_the_whole_image_bit_for_bit(rough, name, number, tmp_path):
+def test_strips_are_the_whole_image_bit_for_bit(rough, name, number, tmp_path, monkeypatch):
     radar = PASSES[name]
-    whole, frame = make_geometry(rough, radar), make_frame(rough, radar)
+    monkeypatch.setattr("radcal.radar.projection._MOST_ADDED", 1000)
+    write_scene(tmp_path / "scene.h5", rough)
+    with scene_on_disk(tmp_path / "scene.h5") as scene:
+        frame = make_frame(scene, radar)
+    whole = make_geometry(rough, radar)
     assert whole.point_row.size > 20
     assert whole.bounces.shape[1] > 10
     assert 0.02 < whole.layover.mean() < 0.9
@@ -69,6 +73,18 @@ def test_strips_are_the_whole_image_bit_for_bit(rough, name, number, tmp_path):
     for others in (strips[1:], strips[:-1], [make_geometry(rough, radar)]):
         with pytest.raises(StoreError, match="do not belong together"):
             joined(others)
+
+
+@pytest.mark.parametrize("shape", [(700, 60), (301, 1499), (40, 9000)])
+@pytest.mark.parametrize("side", ["right", "left"])
+def test_the_mean_elevation_of_parts_is_that_of_the_whole_bit_for_bit(shape, side, monkeypatch):
+    monkeypatch.setattr("radcal.radar.projection._MOST_ADDED", 5000)
+    elevation = np.random.default_rng(2).normal(300.0, 50.0, shape)
+    scene = Scene("rough", ("a",), np.ones(shape, np.uint8), elevation, 1.0)
+    radar = FINE.model_copy(update={"look_side": side, "altitude_m": 90e3})
+    facing = elevation if side == "right" else elevation[:, ::-1]
+    frame = make_frame(scene, radar)
+    assert (frame.mean_m, frame.highest_m) == (facing.mean(), elevation.max())
 
 
 def test_a_strip_has_256_rows_or_more():

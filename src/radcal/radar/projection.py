@@ -38,6 +38,7 @@ from radcal.standing.faces import Echoes, in_pixels
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_ROOFS = 15  # of which a facet's state has room for the number
 _MOST_NAMES = 254  # largest number of materials, not counting objects
+_MOST_ADDED = 2**22  # number of elevations that are added at once
 
 
 def make_geometry(
@@ -214,21 +215,48 @@ def _view(scene: Scene, radar: Radar, mean_m: float, highest_m: float, k: int | 
 
 
 def make_frame(scene: Scene, radar: Radar) -> Frame:
-    """Frame of the strips of a scene's image in one pass; raises the errors of :func:`make_geometry`."""
-    if scene.elevation_m is None:
+    """Frame of the strips of a scene's image in one pass; raises the errors of :func:`make_geometry`.
+
+    Some rows are used at a time, so that a scene of :func:`.scene_on_disk` need not fit into memory.
+    """
+    elevation = scene.elevation_m
+    if elevation is None:
         raise SceneError("simulator.strips: a scene in slant range has no strips, expected 1.")
     _check(scene, radar)
-    elevation = _facing(scene.elevation_m, radar)
-    mean, highest = float(elevation.mean()), float(elevation.max())
+    mean = _sum_m(elevation, radar) / scene.material.size
+    highest = max(float(elevation[first : first + BLOCK].max()) for first in range(0, len(elevation), BLOCK))
     view, near, far = _view(scene, radar, mean, highest), 0.0, np.inf
     for first, last in blocks(0, len(elevation) * view.k, view.k):
         rows = slice(max(0, first // view.k - HALO), last // view.k + HALO)
-        surface = _lowered(view.seen, elevation, scene.cell_m, rows)
+        surface = np.zeros(elevation.shape)  # of which these rows alone need memory
+        surface[rows] = _facing(elevation[rows], radar)
+        surface = _lowered(view.seen, surface, scene.cell_m, rows)
         near_line, far_line = ends(
             ground_of(surface, first, last, view.k, scene.cell_m, ENDS)[1:-1], view.edges_m, view.track_m
         )
         near, far = max(near, near_line), min(far, far_line)
     return Frame(mean, highest, near, far)
+
+
+def _sum_m(elevation: NDArray[np.float64], radar: Radar) -> float:
+    """Sum of a scene's elevations, of which some rows are used at a time; bit for bit the sum that numpy makes of all.
+
+    numpy halves an array that lies in memory in one piece, and adds the halves; of any other array it adds as many
+    whole rows at a time as fit into its buffer.
+    """
+    columns = elevation.shape[1]
+
+    def halves(first: int, last: int) -> float:
+        if (count := last - first) > _MOST_ADDED:
+            middle = first + count // 2 // 8 * 8
+            return halves(first, middle) + halves(middle, last)
+        top = first // columns
+        return float(elevation[top : -(-last // columns)].ravel()[first - top * columns : last - top * columns].sum())
+
+    if radar.look_side == "right":
+        return halves(0, len(elevation) * columns)
+    rows = max(1, np.getbufsize() // columns)
+    return sum(float(_facing(elevation[k : k + rows], radar).sum()) for k in range(0, len(elevation), rows))
 
 
 def strips_of(lines: int, cell_m: float, radar: Radar, number: int, frame: Frame) -> list[Strip]:

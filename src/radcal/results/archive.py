@@ -202,6 +202,8 @@ class SceneView:
         Coordinate of the south-west corner in this system [m].
     south_m : float
         Coordinate of the south-west corner in this system [m].
+    imagery : ndarray of uint8 or None, shape (y, x, 3)
+        Visible imagery: red, green, blue.
     """
 
     step: int
@@ -212,6 +214,7 @@ class SceneView:
     crs: str | None = None
     west_m: float = 0.0
     south_m: float = 0.0
+    imagery: Bytes | None = None
 
 
 @dataclass(frozen=True)

@@ -37,12 +37,11 @@ from radcal.results.archive import (
 from radcal.results.bin_statistics import bin_statistics, prior_draws
 from radcal.results.law_notes import law_notes
 from radcal.results.search_front import search_fronts
-from radcal.scene.model import Scene
+from radcal.scene.model import Scene, picture_step
 from radcal.seeds import derived_rng
 from radcal.storage.runs import Record
 from radcal.targets.target import Targets, level_only
 
-_LARGEST_SCENE = 1200  # largest number of archived cells per side
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
 
@@ -186,7 +185,7 @@ def _place(scene: Scene) -> dict[str, Any]:
 
 def _scene(scene: Scene) -> SceneView:
     """Scene, reduced to the resolution of the figures."""
-    step = -(-max(scene.material.shape) // _LARGEST_SCENE)
+    step = picture_step(scene.material.shape)
     objects_m = None
     if scene.objects:
         middles_m = np.stack([scene.objects.x_m, scene.objects.y_m], axis=1)
@@ -198,6 +197,7 @@ def _scene(scene: Scene) -> SceneView:
         material=scene.material[::step, ::step].astype(np.uint8),
         elevation_m=None if elevation_m is None else elevation_m[::step, ::step].astype(np.float32),
         objects_m=objects_m,
+        imagery=scene.imagery,
         **_place(scene),
     )
 

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import difflib
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +15,14 @@ from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.scene.objects import Objects
 from radcal.storage.dataclass_groups import put, same, take
-from radcal.storage.records import read_item, write_hdf5
+from radcal.storage.records import read_hdf5, read_item, write_hdf5
+
+_LARGEST_PICTURE = 1200  # largest number of cells per side
+
+
+def picture_step(shape: tuple[int, ...]) -> int:
+    """Step in rows and columns between the cells of a scene that a picture of it shows."""
+    return -(-max(shape) // _LARGEST_PICTURE)
 
 
 @dataclass(frozen=True)
@@ -53,6 +62,8 @@ class Scene:
         Standard error of the ground's slope in any one direction [deg]; 0 if it is unknown.
     mixed : ndarray of bool, shape (ny, nx), or None
         Cells of a mixture of materials, whose pixels belong to no material's target; None without such cells.
+    imagery : ndarray of uint8, shape (y, x, 3), or None
+        Colour of the cells of a picture of the scene (:func:`picture_step`); None without visible imagery.
     """
 
     identity: str
@@ -69,6 +80,7 @@ class Scene:
     heading_deg: float | None = None
     slope_error_deg: float = 0.0
     mixed: NDArray[np.bool_] | None = None
+    imagery: NDArray[np.uint8] | None = None
 
     def require(self, materials: list[str], roofs: tuple[str, ...] = ()) -> None:
         """Check that the scene contains every configured material, and no material without a configured law.
@@ -113,10 +125,19 @@ def write_scene(path: str | Path, scene: Scene) -> None:
     ConfigError
         The folder of the file holds the results of a finished calibration that used another scene.
     """
-    with write_hdf5(path, "scene", protected=True, alike=lambda file: same(take(file, Scene), scene)) as file:
+    told = ("findings", "imagery")  # which affect no result
+    ours = replace(scene, findings=(), imagery=None)
+    with write_hdf5(path, "scene", protected=True, alike=lambda file: same(take(file, Scene, told), ours)) as file:
         put(file, scene)
 
 
 def read_scene(path: str | Path) -> Scene:
     """Read a scene that :func:`write_scene` wrote; :func:`.read_hdf5` describes the errors."""
     return read_item(path, "scene", Scene)
+
+
+@contextmanager
+def scene_on_disk(path: str | Path) -> Iterator[Scene]:
+    """Scene whose elevation is a dataset of the open file, read by rows; raises the errors of :func:`read_scene`."""
+    with read_hdf5(path, "scene") as file:
+        yield replace(take(file, Scene, without=("elevation_m",)), elevation_m=file.get("elevation_m"))
