@@ -17,7 +17,10 @@ import rasterio
 import shapely
 from rasterio.transform import from_origin
 
-FOLDERS = {1: "001_Elevation", 5: "005_RMTexture", 6: "006_RMDescriptor", 100: "100_GSFeature", 201: "201_RoadNetwork"}
+FOLDERS = {
+    1: "001_Elevation", 4: "004_Imagery", 5: "005_RMTexture", 6: "006_RMDescriptor", 100: "100_GSFeature",
+    201: "201_RoadNetwork",
+}  # fmt: skip
 # table 3-29: latitudes of a zone and number of geocells of one degree in a geocell
 ZONES = (
     (89, 90, 12), (80, 89, 6), (75, 80, 4), (70, 75, 3), (50, 70, 2), (-50, 50, 1),
@@ -82,6 +85,19 @@ def write_raster(
 def write_heights(root: Path, place: tuple[float, float], lod: int, height: Callable[..., Any], **more: Any) -> Path:
     values = np.asarray(height(*elements(place, lod, 0.0)))
     return write_raster(root, place, 1, lod, values.astype(more.pop("dtype", np.float32)), **more)
+
+
+def write_imagery(root: Path, place: tuple[float, float], lod: int, colour: Callable[..., Any]) -> Path:
+    """Write a tile of imagery without loss; ``colour`` gives red, green and blue of places."""
+    path, values = file_of(root, place, 4, lod, "jp2"), np.asarray(colour(*elements(place, lod, 0.5))).astype(np.uint8)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # a tile without tags
+        with rasterio.open(
+            path, "w", driver="JP2OpenJPEG", height=values.shape[1], width=values.shape[2], count=len(values),
+            dtype="uint8", quality=100, reversible="YES",
+        ) as raster:  # fmt: skip
+            raster.write(values)
+    return path
 
 
 def write_materials(

@@ -15,7 +15,16 @@ import numpy as np
 import pytest
 import shapely
 import yaml
-from cdb_database import elements, file_of, tile_of, write_features, write_heights, write_materials, write_raster
+from cdb_database import (
+    elements,
+    file_of,
+    tile_of,
+    write_features,
+    write_heights,
+    write_imagery,
+    write_materials,
+    write_raster,
+)
 from pyproj import Geod, Transformer
 
 from radcal.cdb.mosaic import POST, Lattice, Log, heights
@@ -31,6 +40,7 @@ from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.sections.materials import Material
 from radcal.sections.scene import CdbScene
+from radcal.storage.dataclass_groups import same
 from radcal.words import sentence
 
 PLACE = (-70.3, -33.4)  # in Chile: south and west
@@ -271,6 +281,56 @@ def test_pixels_of_mixtures_belong_to_no_material():
     assert np.array_equal(masked.facet_incidence, plain.facet_incidence)
 
 
+def colours(longitude: Any, latitude: Any) -> np.ndarray:
+    """Red that grows to the east and green that grows to the north, by 1 in 2.4e-4 degrees."""
+    east, north = (np.asarray(longitude) - BOUNDS[0]) * 4200.0, (np.asarray(latitude) - BOUNDS[1]) * 4200.0
+    return np.clip([60 + east, 50 + north, np.full_like(east, 90.0)], 0, 255)
+
+
+def without_imagery(scene: Scene) -> Scene:
+    return replace(scene, imagery=None, findings=())
+
+
+@pytest.mark.parametrize("heading", [0.0, 57.0])
+def test_the_picture_has_the_imagery_of_its_places_and_no_effect(root: Path, build: Any, heading: float) -> None:
+    names = ["soil", "grass", "water"]
+    plain = make_scene(build(), names, heading)
+    assert plain.imagery is None
+    # tiles of levels that the picture needs (6) and does not need (7), in part of the scene; and a coarse one, blue
+    write_imagery(root, PLACE, -4, lambda x, y: np.stack([0 * x, 0 * x, 0 * x + 250]))
+    write_imagery(root, PLACE, 6, colours)
+    write_imagery(root, PLACE, 7, lambda x, y: np.stack([0 * x + 255] * 3))
+    scene = make_scene(build(), names, heading)
+    assert same(without_imagery(scene), without_imagery(plain))
+    assert len(build().files_in(root)) == 5
+    longitude, latitude = centres(scene)
+    *_, (west, south, height) = tile_of(*PLACE, 6)
+    fine = (longitude > west) & (longitude < west + height) & (latitude > south) & (latitude < south + height)
+    assert 0.3 < fine.mean() < 0.8
+    expected = np.where(fine, colours(longitude, latitude), np.reshape([0, 0, 250], (3, 1, 1)))
+    assert scene.imagery is not None
+    assert np.abs(np.moveaxis(scene.imagery, -1, 0) - expected).max() <= 1.1
+    assert str(found(scene, "cdb_levels")[2].numbers["levels"]).startswith("L06 (")
+
+
+@pytest.mark.parametrize(
+    ("damage", "text"),
+    [
+        (lambda path: path.write_bytes(b""), "cannot be read as a raster"),
+        (lambda path: path.write_bytes(path.read_bytes()[:3000]), "cannot be read as a raster"),
+        (lambda path: path.rename(path.with_name(path.name.replace("R", "R9"))), "no row"),
+        (lambda path: write_imagery(path.parents[6], PLACE, 2, lambda x, y: [x]), "1 bands of uint8, expected 3"),
+    ],
+)
+def test_damaged_imagery_is_said_and_left_out(root: Path, build: Any, damage: Callable[[Path], Any], text: str) -> None:
+    plain = make_scene(build(), None)
+    damage(write_imagery(root, PLACE, 2, colours))
+    scene = make_scene(build(), None)
+    assert same(without_imagery(scene), without_imagery(plain))
+    assert scene.imagery is None
+    assert any(text in sentence(one) for one in found(scene, "cdb_left_out")), scene.findings
+
+
 def test_equal_shares_without_a_layer_of_shares(tmp_path: Path, build: Any) -> None:
     write_heights(tmp_path, PLACE, 3, plane)
     layers = [np.full((1024, 1024), k) for k in (1, 2, 2)]
@@ -357,6 +417,23 @@ def test_lines_and_areas_are_drawn(root: Path, build: Any) -> None:
 def test_unmapped_names_are_refused_above_one_percent(root: Path, build: Any) -> None:
     with pytest.raises(SceneError, match=r"no material for 2\d\.\d% of the cells.*WATER \(0\.2"):
         make_scene(build(MAPPING.replace(", WATER: water", "")), None)
+
+
+@pytest.mark.parametrize(("beyond_deg", "severity"), [(1.9e-4, "note"), (6e-4, "warning")])
+def test_missing_tiles_are_a_warning_above_one_percent(
+    root: Path, build: Any, beyond_deg: float, severity: str
+) -> None:
+    east = tile_of(*PLACE, 2)[-1][0] + 0.25  # border of the only tiles
+    bounds = (east + beyond_deg - 0.02, BOUNDS[1], east + beyond_deg, BOUNDS[3])
+    scenes = [make_scene(build(bounds=bounds, cell_m=5.0), None)]
+    write_heights(root, PLACE, -1, plane)
+    scenes.append(make_scene(build(bounds=bounds, cell_m=5.0), None))
+    lacking = (centres(scenes[1])[0] > east).mean()
+    # without coarse heights, the cells beyond the last post, 12 m from the border, are bare, too
+    for scene, codes, beyond in zip(scenes, (["no_elevation", "no_material"], ["no_material"]), (7e-3, 0), strict=True):
+        bare = [one for one in scene.findings if one.code.startswith("no_")]
+        assert [(one.code, one.severity) for one in bare] == [(code, severity) for code in codes]
+        assert bare[-1].numbers["cells"] / bare[-1].numbers["of"] == pytest.approx(lacking, abs=beyond)
 
 
 def fine_heights(root: Path) -> Path:

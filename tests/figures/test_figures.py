@@ -456,6 +456,30 @@ def test_a_scene_without_relief_has_plans_of_materials_and_heights_only(made, ri
     assert len(canvas.axes) == 3  # with the colour bar
 
 
+@pytest.mark.parametrize(("rise_m", "title"), [(0.0, "imagery"), (4.0, "shaded imagery")])
+def test_imagery_is_shown_and_shaded_on_relief(made, rise_m, title):
+    # a ridge along the columns: its western slope is lit, where it has relief
+    ridge = np.tile(120.0 + rise_m * -np.abs(np.arange(30.0) - 15.0), (20, 1)).astype(np.float32)
+    imagery = np.full((20, 30, 3), (200, 128, 40), np.uint8)
+    view = replace(made.archive.scene, material=np.ones((20, 30), np.uint8), elevation_m=ridge, cell_m=15.0, step=1)
+    canvas, caption, alt = scene_figures.scene(replace(made.archive, scene=replace(view, imagery=imagery)))
+    panel = canvas.axes[2]
+    assert panel.get_title("left") == title
+    assert "Imagery: visible light" in caption
+    assert alt == f"Material map, elevation map, {title}."
+    shown = np.asarray(panel.images[0].get_array())
+    lit, dark = shown[:, 3:12].mean(axis=(0, 1)), shown[:, 18:27].mean(axis=(0, 1))
+    if not rise_m:
+        assert lit == pytest.approx(np.array([200, 128, 40]) / 255)
+        assert dark == pytest.approx(lit)
+    else:
+        assert (lit > 1.3 * dark).all()
+        # grey has the brightness of the shaded relief
+        canvas, *_ = scene_figures.scene(replace(made.archive, scene=view))
+        relief = np.asarray(canvas.axes[2].images[0].get_array())
+        assert np.abs(shown[..., 1] - relief).max() < 0.01
+
+
 def test_one_incidence_has_the_middle_of_a_scale():
     assert scene_figures._scale(np.linspace(31.0, 45.0, 101)) == pytest.approx((31.14, 44.86))
     assert scene_figures._scale(np.linspace(38.9, 39.1, 101)) == pytest.approx((38.902, 39.098))

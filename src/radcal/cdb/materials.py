@@ -27,7 +27,7 @@ from radcal.reading.intake import guarded, read_xml
 
 NO_TILE = 255  # id of cells without a raster of materials
 _CLEAR = 0.8  # share of a composite material above which a cell is not mixed
-_MOST_UNMAPPED = 0.01  # largest share of cells whose composite material has no material
+MOST_BARE = 0.01  # largest share of cells without a material, beyond which there is a warning, or an error for names
 _COMPOSITES = "//*[local-name()='Composite_Material']"
 _DEFAULT = "BM_LAND-MOOR"
 _UNKNOWN = "(index without a name)"
@@ -219,7 +219,7 @@ def material_ids(
     if any(lacking):
         share = counts[lacking].sum() / total
         listed = _listed((name, counts[k] / total) for k, name in enumerate(names) if lacking[k])
-        if share > _MOST_UNMAPPED:
+        if share > MOST_BARE:
             raise SceneError(
                 f"scene.materials: no material for {share:.1%} of the cells, expected for at most 1 %: {listed} of "
                 f"{log.root}; add these names to composites."

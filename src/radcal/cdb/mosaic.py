@@ -134,19 +134,25 @@ class Lattice:
                 yield Source("scene.root", root, raster, crs, crs)
 
 
-def band(tile: CdbFile, log: Log) -> tuple[NDArray[Any], Any] | None:
-    """First band of a tile with row 0 in the south, no-data as NaN or 0, and its transform; None if it is left out."""
+def band(tile: CdbFile, log: Log, bands: int | None = 1, **settings: str) -> tuple[NDArray[Any], Any] | None:
+    """First band of a tile with row 0 in the south, no-data as NaN or 0, and its transform; None if it is left out.
+
+    With ``bands`` None, all bands, along axis 0; ``settings`` are configuration options of GDAL.
+    """
     try:
-        with guarded(tile.path, partial(log.refused, tile.path), "a raster"), open_raster(tile.path) as raster:
+        with (
+            guarded(tile.path, partial(log.refused, tile.path), "a raster"),
+            open_raster(tile.path, (), **settings) as raster,
+        ):
             if raster.shape != (tile.cells, tile.cells):
                 found = f"{raster.shape[0]} x {raster.shape[1]}"
                 raise log.refused(tile.path, f"has {found} elements, expected {tile.cells} x {tile.cells}")
             check_blocks(raster)
-            values, transform = raster.read(1, masked=True), raster.transform
+            values, transform = raster.read(bands, masked=True), raster.transform
     except SceneError as error:
         log.left_out_by(error)
         return None
-    return values.filled(np.nan if values.dtype.kind == "f" else 0)[::-1], transform
+    return values.filled(np.nan if values.dtype.kind == "f" else 0)[..., ::-1, :], transform
 
 
 def by_level(tiles: Iterable[CdbFile]) -> Iterator[tuple[tuple[int, int], list[CdbFile]]]:

@@ -10,17 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.cdb.features import read_features
+from radcal.cdb.imagery import imagery
 from radcal.cdb.mapping import CdbMapping
-from radcal.cdb.materials import NO_TILE, material_ids
+from radcal.cdb.materials import MOST_BARE, NO_TILE, material_ids
 from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights, level_name
 from radcal.config import expand_path
 from radcal.errors import SceneError
 from radcal.findings import Finding, Severity
-from radcal.reading.cdb import CdbFile, cdb_files, step_deg
+from radcal.reading.cdb import CdbFile, cdb_files, imagery_files, step_deg
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.crs import named_datum
 from radcal.scene.grid import grid_of_degrees, pixel_m
-from radcal.scene.model import Scene
+from radcal.scene.model import Scene, picture_step
 from radcal.scene.raster import nearest_materials, resampled
 from radcal.sections.scene import CdbScene
 from radcal.vectors.features import burnt, list_unmapped, objects_of, placed
@@ -68,13 +69,16 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     to_posts, to_elements = _lattices(cdb_files(root, config.bounds), config, root)
     boxes = np.array([to_posts.box, to_elements.box])
     files = cdb_files(root, (*boxes[:, :2].min(axis=0), *boxes[:, 2:].max(axis=0)))
-    for one in files:
+    pictures = imagery_files(root, config.bounds)
+    for one in (*files, *pictures):
         if one.fault:
             log.left_out(one.path, one.fault)
     grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, to_elements.step, heading_deg)
     heights_m, of_heights = heights(_tiles(files, 1), to_posts, log)
     ids, mixtures, of_ids = material_ids(files, to_elements, mapping, log)
-    for about, levels in (("elevation", of_heights), ("material", of_ids)):
+    step = picture_step((grid.rows, grid.columns))
+    picture, of_picture = imagery([one for one in pictures if not one.fault], grid, step, log)
+    for about, levels in (("elevation", of_heights), ("material", of_ids), ("imagery", of_picture)):
         if shares := _shares(levels):
             log.append(Finding("cdb_levels", "note", "scene.root", {"dataset": about, "levels": shares}))
     features = placed(read_features(files, mapping.attributes, log), "EPSG:4326", grid)
@@ -102,7 +106,14 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
     objects = objects_of(features, grid, scene.elevation_m, mapping, config.cross_sections, log)
-    return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed)
+    return replace(scene, findings=(*map(_told, scene.findings), *log), objects=objects, mixed=mixed, imagery=picture)
+
+
+def _told(finding: Finding) -> Finding:
+    """Finding on a scene; a note on many cells without data, as those of a missing tile, becomes a warning."""
+    bare = finding.code in ("no_elevation", "no_material")
+    many = bare and float(finding.numbers["cells"]) > MOST_BARE * float(finding.numbers["of"])
+    return replace(finding, severity="warning") if many else finding
 
 
 def _shares(levels: NDArray[np.int8]) -> str:

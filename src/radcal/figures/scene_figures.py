@@ -24,7 +24,7 @@ _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells
 
 
 def scene(case: Archive) -> Drawn | None:
-    """Figure of the scene: materials, elevation and, unless the ground is flat, shaded relief."""
+    """Figure of the scene: materials, elevation and, unless the ground is flat, shaded relief, or visible imagery."""
     from matplotlib import colormaps
     from matplotlib.colors import LightSource, ListedColormap
 
@@ -46,13 +46,18 @@ def scene(case: Archive) -> Drawn | None:
         lit = "ahead on the left"
     ny, nx = elevation.shape
     sides = west_m / 1e3, (west_m + nx * cell_m) / 1e3, south_m / 1e3, (south_m + ny * cell_m) / 1e3
-    count = 2 if flat else 3
+    picture = None if view.imagery is None else view.imagery / 255.0
+    seen = "shaded relief" if picture is None else "imagery" if flat else "shaded imagery"
+    if not flat:
+        sun = LightSource(azdeg=315.0, altdeg=40.0)
+        shade = sun.hillshade(elevation, dx=cell_m, dy=cell_m)
+        picture = shade if picture is None else sun.blend_overlay(picture, shade[..., None])
+    count = 2 if picture is None else 3
     canvas, (cmap, norm) = new_canvas(4.0 * count, 4.6), of_ids(case)
     plans = canvas.subplots(1, count)
-    if not flat:
-        shade = LightSource(azdeg=315.0, altdeg=40.0).hillshade(elevation, dx=cell_m, dy=cell_m)
-        plans[2].imshow(shade, cmap="gray", origin="lower", extent=sides)
-        plans[2].set_title("shaded relief")
+    if picture is not None:
+        plans[2].imshow(picture, cmap="gray", origin="lower", extent=sides)
+        plans[2].set_title(seen)
     plans[0].imshow(view.material, cmap=cmap, norm=norm, origin="lower", extent=sides, interpolation="nearest")
     if objects_m is not None:
         # drawn as single pixels, so that their number does not matter
@@ -83,11 +88,13 @@ def scene(case: Archive) -> Drawn | None:
     )
     if view.crs is not None:
         caption += f" Coordinates are those of {crs_from(view.crs).name}."
+    if view.imagery is not None:
+        caption += " Imagery: visible light, of no effect on the results."
     if not flat:
-        caption += f" The light of the shaded relief comes from {lit}."
+        caption += f" The light of the {seen} comes from {lit}."
     if objects_m is not None:
         caption += " Objects are dots, whatever their size."
-    return canvas, caption, "Material map and elevation map." if flat else "Material map, elevation map, shaded relief."
+    return canvas, caption, "Material map, elevation map" + f", {seen}" * (count == 3) + "."
 
 
 def incidence(case: Archive) -> Drawn | None:

@@ -8,6 +8,7 @@ OGC 15-113r6, "Volume 1: OGC CDB Core Standard: Model and Physical Data Store St
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ DATASETS = (1, 5, 6, 100, 101, 201, 204)
 BASE_MATERIALS = "Metadata/Materials.xml"
 
 _ZONES = ((89, 12), (80, 6), (75, 4), (70, 3), (50, 2), (0, 1))  # latitude from which a geocell has a width [deg]
+_PICTURE = 1000  # elements along a picture
 _NAME = re.compile(r"([NS]\d{2})([EW]\d{3})_D(\d{3})_S(\d{3})_T(\d{3})_(LC|L)(\d{2})_U(\d{1,7})_R(\d{1,7})\.(\w+)")
 _BESIDE = re.compile(_NAME.pattern + r"\.\w[\w.]*")  # what other programs write beside a file, such as .tif.aux.xml
 
@@ -104,6 +106,19 @@ def cdb_files(root: Path, bounds: Box, datasets: Sequence[int] = DATASETS) -> li
                 if one.fault or _overlap(one.box, bounds):
                     found.append(one)
     return sorted(found, key=lambda one: one.path)
+
+
+def imagery_files(root: Path, bounds: Box) -> list[CdbFile]:
+    """Tiles of visible imagery (dataset 004) of the levels that a picture of an area needs, and misplaced files.
+
+    These are the levels up to the first one with 1000 elements along the area; if all are finer, the coarsest.
+    """
+    found = cdb_files(root, bounds, (4,))
+    tiles = [one for one in found if (one.first, one.second, one.path.suffix) == (1, 1, ".jp2")]
+    west, south, east, north = bounds
+    enough = math.ceil(math.log2(_PICTURE / CELLS / max(east - west, north - south)))
+    finest = max(enough, min((one.level for one in tiles), default=enough))
+    return [one for one in found if one.fault or (one in tiles and one.level <= finest)]
 
 
 def _cells(root: Path, bounds: Box) -> Iterator[tuple[Path, int, int]]:

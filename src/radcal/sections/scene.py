@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from pydantic import AfterValidator, Field, SerializeAsAny, model_validator
 
 from radcal.plugins import HasSection, Plugins, with_foreign
-from radcal.reading.cdb import BASE_MATERIALS, cdb_files
+from radcal.reading.cdb import BASE_MATERIALS, cdb_files, imagery_files
 from radcal.reading.vectors import ENDINGS
 from radcal.sections.base import Section, VrtFolders, with_tag
 from radcal.sections.errors import Wrong
@@ -283,10 +283,12 @@ class CdbScene(SceneSection):
         ValueError
             The folder has no such tile.
         """
-        tiles = [one.path for one in cdb_files(folder, self.bounds) if not one.fault]
+        tiles, pictures = (
+            [one.path for one in files(folder, self.bounds) if not one.fault] for files in (cdb_files, imagery_files)
+        )
         if not tiles:
             raise ValueError(f"it has no tile within scene.bounds {list(self.bounds)}, expected Tiles/N32/W118/...")
-        return [*tiles, *(path for path in [folder / BASE_MATERIALS] if path.is_file())]
+        return [*tiles, *pictures, *(path for path in [folder / BASE_MATERIALS] if path.is_file())]
 
 
 SCENES: Plugins[HasSection] = Plugins(
