@@ -148,7 +148,6 @@ def make_archive(
             cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
             looks=1.2 if name == "stem beans" else 3.0,
             left_out={"near other ground": 12, "without data": 3},
-            cp_interval=np.add.outer(skewnormal.centred(fit.dp), [-0.3, 0.3]),
             patch=np.zeros(drawn.size, dtype=np.int64),
             block=np.zeros(drawn.size, dtype=np.int64),
             goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),

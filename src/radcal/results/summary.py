@@ -203,7 +203,6 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
         "measured_looks": target.looks,
         "textured": material.textured,
         "target_error": dict(zip(_CENTRED, target.cp_error, strict=True)),
-        "target_interval": dict(zip(_CENTRED, target.cp_interval, strict=True)),
         # goodness of fit of the density to the measured pixels
         "fit": vars(target.goodness),
         "hellinger": skewnormal.hellinger(dp, target.dp),

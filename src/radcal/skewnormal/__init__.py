@@ -1,4 +1,4 @@
-"""The skew-normal distribution: density, parametrisations, maximum likelihood, intervals, distances.
+"""The skew-normal distribution: density, parametrisations, maximum likelihood, distances.
 
 Direct parameters (DP) are (xi, omega, alpha), centred parameters (CP) are (mean, standard
 deviation, skewness). All values are backscatter in dB, so xi, omega, mean and sd are in dB.
@@ -15,7 +15,6 @@ from __future__ import annotations
 from radcal.skewnormal.distances import density_rms, hellinger, kolmogorov_smirnov, target_grid
 from radcal.skewnormal.distribution import MAX_SKEWNESS, cdf, centred, density, direct, log_likelihood, sample
 from radcal.skewnormal.likelihood import Fit, covariance, fit
-from radcal.skewnormal.profile import intervals
 
 __all__ = [
     "MAX_SKEWNESS",
@@ -28,7 +27,6 @@ __all__ = [
     "direct",
     "fit",
     "hellinger",
-    "intervals",
     "kolmogorov_smirnov",
     "log_likelihood",
     "sample",

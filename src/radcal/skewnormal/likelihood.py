@@ -38,14 +38,11 @@ class Fit:
     at_boundary : bool
         Whether the likelihood grows up to the largest possible skewness, so that it has no maximum at a finite alpha.
         The value of alpha in ``dp`` then stands for infinity.
-    penalised : bool
-        Whether the penalised likelihood was maximised.
     """
 
     dp: NDArray[np.float64]
     cp: NDArray[np.float64]
     at_boundary: bool
-    penalised: bool = False
 
 
 def _unpack(u: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
@@ -174,7 +171,8 @@ def search(
     value : float
         Objective at ``u``.
     """
-    far = np.inf if penalty else farthest(x.size)
+    # at this v, alpha (x - xi) / omega is about 10 for the smallest of the values
+    far = np.inf if penalty else math.log(8.0 * x.size)
     moving = np.array(free)
     value, gradient, hessian = objective(u, x, penalty)
     for _ in range(_STEPS):
@@ -205,45 +203,6 @@ def search(
         if caught or (abs(u[2]) > far and 2 in free):
             break
     return u, value
-
-
-def farthest(n: int) -> float:
-    """Value of v beyond which a sample of n values does not distinguish the density from the half-normal limit.
-
-    At this value of v, alpha (x - xi) / omega is about 10 for the smallest value x of the sample.
-
-    Parameters
-    ----------
-    n : int
-        Sample size.
-    """
-    return math.log(8.0 * n)
-
-
-def standardised(sample: ArrayLike) -> tuple[NDArray[np.float64], float, float]:
-    """Sample scaled to zero mean and unit standard deviation, and the sample's own mean and standard deviation.
-
-    Parameters
-    ----------
-    sample : array_like
-        Backscatter [dB].
-
-    Raises
-    ------
-    FitError
-        The sample has fewer than 8 values, values that are not finite, or only equal values.
-    """
-    x = np.asarray(sample, dtype=np.float64).ravel()
-    if x.size < 8:
-        raise FitError(f"a skew-normal fit needs at least 8 values, found {x.size}.")
-    if not np.isfinite(x).all():
-        raise FitError(
-            f"a skew-normal fit needs finite values, found {np.count_nonzero(~np.isfinite(x))} that are not."
-        )
-    centre, scale = float(x.mean()), float(x.std())
-    if scale <= 1e-9 * max(1.0, abs(centre)):
-        raise FitError(f"a skew-normal fit needs values that differ, all {x.size} are {centre:g} dB.")
-    return (x - centre) / scale, centre, scale
 
 
 def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
@@ -281,7 +240,17 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     skew-t distributions", J. Stat. Plan. Inference 143 (2013); Azzalini and Capitanio 2014,
     section 3.1.8.
     """
-    y, centre, scale = standardised(sample)
+    x = np.asarray(sample, dtype=np.float64).ravel()
+    if x.size < 8:
+        raise FitError(f"a skew-normal fit needs at least 8 values, found {x.size}.")
+    if not np.isfinite(x).all():
+        raise FitError(
+            f"a skew-normal fit needs finite values, found {np.count_nonzero(~np.isfinite(x))} that are not."
+        )
+    centre, scale = float(x.mean()), float(x.std())
+    if scale <= 1e-9 * max(1.0, abs(centre)):
+        raise FitError(f"a skew-normal fit needs values that differ, all {x.size} are {centre:g} dB.")
+    y = (x - centre) / scale
     penalty = 1.0 / y.size if penalised else 0.0
     skewness = np.mean(y**3)
     sign = float(np.sign(skewness) or 1.0)
@@ -312,7 +281,7 @@ def fit(sample: ArrayLike, penalised: bool = False) -> Fit:
     elif lowest >= _NORMAL:  # the best is the normal density (alpha = 0), where the search would divide by zero
         dp = np.array([0.0, 1.0, 0.0])
     dp = np.array([centre + scale * dp[0], scale * dp[1], dp[2]])
-    return Fit(dp=dp, cp=centred(dp), at_boundary=at_boundary, penalised=penalised)
+    return Fit(dp=dp, cp=centred(dp), at_boundary=at_boundary)
 
 
 def covariance(sample: ArrayLike, found: Fit, effective: float | None = None) -> NDArray[np.float64]:

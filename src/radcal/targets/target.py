@@ -47,10 +47,8 @@ class Target:
     rms_sampling : float
         Density rms that sampling alone causes at the effective sample size [1/dB].
     cp_error : ndarray, shape (3,)
-        Standard errors of mean [dB], standard deviation [dB] and skewness; NaN at the boundary.
-    cp_interval : ndarray, shape (3, 2)
-        95 % confidence intervals of mean [dB], standard deviation [dB] and skewness, at the
-        effective sample size.
+        Standard errors of mean [dB], standard deviation [dB] and skewness, at the effective sample size; NaN at the
+        boundary.
     goodness : Goodness
         Goodness of fit of the density to the pixels.
     left_out : mapping
@@ -79,7 +77,6 @@ class Target:
     effective: float
     rms_sampling: float
     cp_error: NDArray[np.float64]
-    cp_interval: NDArray[np.float64]
     goodness: Goodness
     left_out: Mapping[str, int] = field(default_factory=dict)
     looks: float = float("nan")

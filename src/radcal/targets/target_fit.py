@@ -139,7 +139,6 @@ def make_target(
         effective=effective,
         rms_sampling=sampling_rms(fit.dp, max(8, round(effective)), rng, penalised=penalised),
         cp_error=np.sqrt(np.diagonal(skewnormal.covariance(values, fit, effective))),
-        cp_interval=skewnormal.intervals(values, fit, effective=effective),
         goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
         penalised=penalised,
         left_out=eligible.masked,
