@@ -102,13 +102,8 @@ TEXTS: Mapping[str, str] = {
     "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
     + _CORRELATED,
     "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
-    "resampled before or has texture of a few pixels",
-    "resolutions_nearest": _SPREAD + ": no nearer resolutions can be simulated with these pixel spacings",
-    "resampling": "{about}: its resampling by nearest neighbour widens the point spread: an image of the configured "
-    "resolutions then has a point spread of up to {range_m:.3g} m in slant range and {azimuth_m:.3g} m in azimuth",
-    "spacing_limits": "with {about} of {spacing_m:g} m the finest resolution of a simulated image is {finest_m:g} m",
-    "unweighted": "{about}: for an impulse response without weighting this estimate is 24 to 34 % too fine; for such "
-    "an image no key need be changed",
+    "resampled before, has texture of a few pixels, or an impulse response without weighting (estimated 24 to 34 % too "
+    "fine)",
     "image_plane": "{about}: its rows lie in the image plane {plane}, not in slant range as in the scene's image",
     "polarisation_unknown": "{about}: its polarisation is unknown, it is taken for radar.polarisation",
     "carrier_unknown": "{about}: its carrier frequency is unknown, it is taken for one of radar.band",

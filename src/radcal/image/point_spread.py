@@ -24,7 +24,6 @@ _DRAWS = 100
 _WAYS = ("range", "azimuth")
 _NARROW = 1.0  # pixel spacings
 _SHAPE = 0.05  # relative error that other weightings than Taylor's (Hamming 3 %, Kaiser 10 %) and texture leave
-_UNWEIGHTED = 0.66  # least width of an impulse response without weighting, in widths of a weighted one (estimate)
 _CERTAIN = 2.0  # standard errors
 _REACH = 7  # distance in pixels over which the correlation area is summed: that of the usual filters
 _MORE_LOOKS, _WIDER = 1.5, 1.5  # smallest ratios of looks and of areas to the configured ones for filtered speckle
@@ -269,11 +268,12 @@ def is_filtered(found: PointSpread | None, looks: Looks | None, radar: Radar) ->
 def point_spread_findings(
     found: PointSpread, looks: Looks | None, radar: Radar, source: str, pixel_m: tuple[float, float] | None = None
 ) -> list[Finding]:
-    """Findings on a point spread that differs from the configured resolutions; empty if there is no difference.
+    """Finding on a point spread that differs from the configured resolutions.
 
-    The first finding is a warning if the image is filtered, smoothed or coarser than the resolutions, because the
-    simulated image then differs from the measured one; it is a note if the image is only finer, unless the configured
-    resolution cell has more than 2.25 times the area of the possible one that is nearest to the image's.
+    The list is empty if no other resolutions that the pixel spacings allow are nearer to the image's. The finding is a
+    warning if the image is filtered, smoothed or coarser than the resolutions, because the simulated image then differs
+    from the measured one; it is a note if the image is only finer, unless the configured resolution cell has more than
+    2.25 times the area of the possible one that is nearest to the image's.
 
     If ``radar.looks`` has been set to the number of looks after filtering, only the correlation shows the filter. If
     the image does not have more looks than configured, it counts as smoothed in two cases:
@@ -315,19 +315,10 @@ def point_spread_findings(
         return [Finding("smoothed", "warning", source, numbers)]
     if not (finer or unexplained):
         return []
-    resampled = dict(zip(("range_m", "azimuth_m"), explained, strict=True))
-    more = [Finding("resampling", "note", source, resampled)] if pixel_m is not None else []
     possible = {way: radar.possible_resolution_m(way, own.width_m) for way, own in zip(_WAYS, widths, strict=True)}
-    for way, width in possible.items():
-        if width > 1.01 * getattr(found, way).width_m:  # smaller differences come from rounding
-            limit = {"spacing_m": getattr(radar, f"{way}_spacing_m"), "finest_m": width}
-            more.append(Finding("spacing_limits", "note", f"radar.{way}_spacing_m", limit))
     if all(abs(possible[way] / getattr(radar, f"{way}_resolution_m") - 1.0) <= _SHAPE for way in _WAYS):
-        return [Finding("resolutions_nearest", "note", source, numbers), *more]
-    nearly = [(own.width_m + _CERTAIN * own.error_m) / one for own, one in zip(widths, configured, strict=True)]
-    if not unexplained and min(nearly) >= _UNWEIGHTED:  # an impulse response without weighting explains the widths
-        more.append(Finding("unweighted", "note", source))
+        return []
     far_finer = _COARSE * math.prod(possible.values()) < math.prod(configured)
     asked = {f"{way}_possible_m": width for way, width in possible.items()}
     severity: Severity = "warning" if unexplained or far_finer else "note"
-    return [Finding("resolutions", severity, source, {**numbers, **asked}), *more]
+    return [Finding("resolutions", severity, source, {**numbers, **asked})]
