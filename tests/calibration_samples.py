@@ -3,10 +3,13 @@
 import numpy as np
 
 from radcal.ground.goodness import Goodness
+from radcal.ground.levels import Levels
 from radcal.laws import law_for
 from radcal.objectives.base import CalibratedMaterial
 from radcal.objectives.history import PassScore, Run, Score
+from radcal.registration.registered import Registered
 from radcal.skewnormal import fit
+from radcal.targets import target_fit
 from radcal.targets.target import Target
 
 # hidden laws of the field and the lake in calibration/conftest.py, and their bounds
@@ -33,6 +36,14 @@ def make_target(values_db, incidence_deg, **changes):
         **changes,
     }
     return Target(**{"dp": fit(values).dp if "dp" not in changes else changes["dp"], **keys})
+
+
+def drawn_target(case, name, geometry, measurement, flags=None):
+    """Target of a material from an image that is not registered."""
+    still = np.zeros(geometry.shape, np.float32)
+    field = np.stack([still, still])
+    registered = Registered(measurement, measurement.image_db, field, still, still, "none", False, "")
+    return target_fit.make_target(case, name, geometry, registered, Levels(), flags or {}, None)
 
 
 def make_material(target, box, law=None, integer=None, looks=4.0, **changes):

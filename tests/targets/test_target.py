@@ -3,21 +3,28 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from calibration_samples import drawn_target
 from scipy import stats
 from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
-from radcal.config import TargetConfig, Validation
+from radcal.config import Radar, TargetConfig, Validation
 from radcal.ground.levels import Levels, offset_levels
 from radcal.ground.one_incidence import incidence_span_deg
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
 from radcal.storage.dataclass_groups import same
 from radcal.targets.target import Targets, read_targets, write_targets
-from radcal.targets.target_fit import make_target, sampling_rms
+from radcal.targets.target_fit import sampling_rms
 from radcal.words import sentence
 
 CONFIG = TargetConfig(pixels=500)
+
+
+def of(seed=1, validation=None, **changed):
+    """Case with changed settings of the target."""
+    target = TargetConfig(**{"pixels": 500, **changed})
+    return SimpleNamespace(target=target, seed=seed, validation=validation, radar=Radar())
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +34,7 @@ def measurement(geometry):
 
 
 def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    target = drawn_target(of(), "dyke", geometry, measurement)
     assert target.pixels.size == len(set(target.pixels.tolist())) == 500
     allowed = eligible_pixels("dyke", geometry, measurement, CONFIG).pixels
     assert set(target.pixels.tolist()) <= set(allowed.tolist())
@@ -38,7 +45,7 @@ def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry, measur
 
 
 def test_order_finds_the_pixels_in_a_record(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    target = drawn_target(of(), "dyke", geometry, measurement)
     np.testing.assert_array_equal(geometry.pixels("dyke")[target.order], target.pixels)
     record = measurement.image_db.ravel()[geometry.pixels("dyke")]  # what the store keeps
     np.testing.assert_array_equal(record[target.order], target.values_db)
@@ -46,7 +53,7 @@ def test_order_finds_the_pixels_in_a_record(geometry, measurement):
 
 
 def test_score_of_the_measured_values_is_zero(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    target = drawn_target(of(), "dyke", geometry, measurement)
     record = measurement.image_db.ravel()[geometry.pixels("dyke")]
     dp, rms = target.score(record)
     assert rms < 1e-6  # the target's parameters are rounded
@@ -59,7 +66,7 @@ def test_score_of_the_measured_values_is_zero(geometry, measurement):
 
 
 def test_target_is_the_fit_of_its_values(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, CONFIG, 1)
+    target = drawn_target(of(), "dyke", geometry, measurement)
     np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db).cp, atol=3e-5)
     np.testing.assert_allclose(target.cp, skewnormal.centred(target.dp))
     assert not target.at_boundary
@@ -68,8 +75,8 @@ def test_target_is_the_fit_of_its_values(geometry, measurement):
 
 
 def test_target_and_runs_are_fitted_alike(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, CONFIG.model_copy(update={"fit": "penalised"}), 1)
-    likelihood = make_target("dyke", geometry, measurement, CONFIG, 1)
+    target = drawn_target(of(fit="penalised"), "dyke", geometry, measurement)
+    likelihood = drawn_target(of(), "dyke", geometry, measurement)
     assert target.penalised
     np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db, penalised=True).cp, atol=3e-5)
     assert skewnormal.density_rms(target.dp, likelihood.dp) > 1e-5
@@ -83,8 +90,7 @@ def test_correlated_pixels_have_larger_standard_errors(geometry):
     noise = np.random.default_rng(3).normal(size=geometry.shape)
     smooth = uniform_filter(noise, 3) * 3.0
     white, correlated = (
-        make_target("dyke", geometry, Measurement(image.astype(np.float32), "test"), CONFIG, 1)
-        for image in (noise, smooth)
+        drawn_target(of(), "dyke", geometry, Measurement(image.astype(np.float32), "test")) for image in (noise, smooth)
     )
     assert correlated.effective < 0.7 * white.effective
     relative = [target.cp_error[0] / target.cp[1] for target in (white, correlated)]
@@ -92,22 +98,22 @@ def test_correlated_pixels_have_larger_standard_errors(geometry):
 
 
 def test_draw_depends_on_seed_and_material_only(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, CONFIG, 1)
-    again = make_target("dyke", geometry, Measurement(measurement.image_db + 3, "other"), CONFIG, 1)
+    target = drawn_target(of(), "dyke", geometry, measurement)
+    again = drawn_target(of(), "dyke", geometry, Measurement(measurement.image_db + 3, "other"))
     np.testing.assert_array_equal(again.pixels, target.pixels)
-    other = make_target("dyke", geometry, measurement, CONFIG, 2)
+    other = drawn_target(of(seed=2), "dyke", geometry, measurement)
     assert not np.array_equal(other.pixels, target.pixels)
-    assert make_target("dyke", geometry, measurement, CONFIG, 1).rms_sampling == target.rms_sampling
+    assert drawn_target(of(), "dyke", geometry, measurement).rms_sampling == target.rms_sampling
 
 
 def test_fewer_pixels_than_wanted_are_all_taken(geometry, measurement):
-    target = make_target("dyke", geometry, measurement, TargetConfig(pixels="all", margin_px=3), 1)
+    target = drawn_target(of(pixels="all", margin_px=3), "dyke", geometry, measurement)
     np.testing.assert_array_equal(target.pixels, geometry.pixels("dyke", 3))
     assert target.eligible == target.pixels.size
 
 
 def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
-    targets = Targets({name: make_target(name, geometry, measurement, CONFIG, 1) for name in ("dyke", "grass")})
+    targets = Targets({name: drawn_target(of(), name, geometry, measurement) for name in ("dyke", "grass")})
     assert not any("level only" in line for line in targets.sentences())
     narrow = replace(targets["grass"], incidence_deg=np.linspace(38.92, 39.07, 500, dtype=np.float32))
     (line,) = [line for line in Targets({**targets, "grass": narrow}).sentences() if "level only" in line]
@@ -122,7 +128,6 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
 
 
 def test_round_trip_is_exact(geometry, measurement, tmp_path):
-    penalised = CONFIG.model_copy(update={"fit": "penalised"})
     levels = Levels(
         "offset",
         1.5,
@@ -132,8 +137,8 @@ def test_round_trip_is_exact(geometry, measurement, tmp_path):
     )
     targets = Targets(
         {
-            "grass": make_target("grass", geometry, measurement, penalised, 1),
-            "dyke": make_target("dyke", geometry, measurement, CONFIG, 1, validation=Validation(rows=20)),
+            "grass": drawn_target(of(fit="penalised"), "grass", geometry, measurement),
+            "dyke": drawn_target(of(validation=Validation(rows=20)), "dyke", geometry, measurement),
         },
         levels,
         3.5,

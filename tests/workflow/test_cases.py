@@ -9,6 +9,7 @@ import pytest
 import rasterio
 import rasterio.warp
 import yaml
+from calibration_samples import drawn_target
 from raster_files import write_raster
 from workflow_project import ROOT, tiny_case
 
@@ -27,7 +28,6 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets
-from radcal.targets.target_fit import make_target
 
 CASES = sorted((ROOT / "config").glob("*.yaml"))
 LABELS = np.where(np.arange(60) < 40, 1, 2).astype(np.uint8) * np.ones((50, 1), dtype=np.uint8)
@@ -66,7 +66,7 @@ def test_the_papers_method_is_a_black_box_after_a_design_without_polish(tmp_path
     geometry = make_geometry(scene, case.radar)
     simulator = BuiltinSimulator(geometry, case.radar, case.laws)
     measurement = make_measurement(case, geometry, simulator)
-    targets = Targets({"field": make_target("field", geometry, measurement, case.target, case.seed)})
+    targets = Targets({"field": drawn_target(case, "field", geometry, measurement)})
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
     history, decision = calibrate(case, [runner], [targets])
     assert not case.has_baseline

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from calibration_samples import drawn_target
 from raster_files import read_image
 from scipy import stats
 
@@ -17,7 +18,6 @@ from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.targets.target import Targets
-from radcal.targets.target_fit import make_target
 
 pytestmark = pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured data")
 
@@ -67,13 +67,11 @@ def test_looks_are_those_of_the_literature_less_what_processing_takes(parts):
 
 def test_buildings_are_flagged_and_surfaces_are_not(parts):
     case, geometry, measurement = parts
+    case = case.model_copy(update={"validation": None})
     flags = {"point targets": point_targets(measurement.image_db, geometry.material, case.radar)}
     found = estimate_looks(measurement.image_db, geometry.material, case.radar)
     targets = Targets(
-        {
-            name: make_target(name, geometry, measurement, case.target, 1, flags=flags, radar=case.radar)
-            for name in geometry.names
-        },
+        {name: drawn_target(case, name, geometry, measurement, flags) for name in geometry.names},
         looks=found.looks,
     )
     assert [name for name in targets if targets.textured(name)] == ["buildings"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from calibration_samples import drawn_target
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
@@ -14,7 +15,6 @@ from radcal.simulators.builtin import BuiltinSimulator
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import RunStore
 from radcal.targets.target import Targets
-from radcal.targets.target_fit import make_target
 
 BOUNDS = [[-25, -15], [5, 15], [1, 4], [0, 4], [1, 3], [-2, 0]]
 
@@ -45,7 +45,7 @@ def test_more_parameters_than_moments_do_not_stop_the_loop(case, tmp_path):
     # the hidden truth with the noise of the runs: it can be reached exactly
     hidden = case.measurement.synthetic.parameters
     measurement = Measurement(simulator.run(hidden, noise_seed(case)), "the runs' noise", hidden)
-    target = make_target("field", geometry, measurement, case.target, case.seed)
+    target = drawn_target(case, "field", geometry, measurement)
     runner = Runner(RunStore(tmp_path), simulator, geometry, scene.identity, case)
     history, decision = calibrate(case, [runner], [Targets({"field": target})])
     assert decision.reason == "max_runs"

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
-from radcal.config import Radar, TargetConfig, Validation
 from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
@@ -19,7 +18,6 @@ from radcal.ground.levels import Levels, image_levels, offset_levels
 from radcal.ground.patches import label_patches, patches_seen
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.image.looks import estimate_looks, local_looks
-from radcal.image.model import Measurement
 from radcal.inference.misfit import BinMisfit, Misfit
 from radcal.radar.geometry import Geometry
 from radcal.radar.radiometry import noise_floor_db
@@ -78,36 +76,26 @@ def _rounded(dp: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def make_target(
+    case: Part,
     name: str,
     geometry: Geometry,
-    measurement: Measurement,
-    config: TargetConfig,
-    seed: int,
-    uncertainty_px: NDArray[np.float32] | None = None,
-    *,
-    levels: Levels | None = None,
-    flags: Mapping[str, NDArray[np.bool_]] | None = None,
-    radar: Radar | None = None,
-    validation: Validation | None = None,
-    scene: Scene | None = None,
+    registered: Registered,
+    levels: Levels,
+    flags: Mapping[str, NDArray[np.bool_]],
+    scene: Scene | None,
 ) -> Target:
     """Target of one material: pixels drawn at random without replacement, and the density fitted to their values.
 
     Parameters
     ----------
-    name, geometry, measurement, config, uncertainty_px, flags
-        Arguments of :func:`~radcal.ground.pixels.eligible_pixels`.
-    seed : int
-        Seed of the case, from which the seed of the random draw is derived.
-    levels : Levels, optional
-        Level normalisation of the measured values; by default none.
-    radar : Radar, optional
-        Pass with resolutions and pixel spacings, from which the number of looks is estimated; without it, no estimate
-        is made.
-    validation : Validation, optional
-        Blocks to hold out; none if missing.
-    scene : Scene, optional
-        Scene whose connected areas are the material's fields; by default, connected areas of the image are the fields.
+    case, geometry, registered, scene
+        Arguments of :func:`make_targets`.
+    name : str
+        Material.
+    levels : Levels
+        Level normalisation of the measured values.
+    flags : mapping of str to ndarray of bool
+        Masks of pixels that are excluded, by reason, besides those of held-out blocks.
 
     Raises
     ------
@@ -116,14 +104,15 @@ def make_target(
     FitError
         The density cannot be fitted to the pixels.
     """
+    measurement, config, validation = registered.measurement, case.target, case.validation
     blocks = Blocks.of(validation, geometry.shape[0])
     part = blocks.parts_of(np.arange(geometry.incidence_deg.size), geometry.shape[1])
     if validation is not None and validation.holds_out:
-        flags = {**(flags or {}), HELD_OUT: ~blocks.kept(part, validation.keep).reshape(geometry.shape)}
-    eligible = eligible_pixels(name, geometry, measurement, config, uncertainty_px, flags)
-    rng = derived_rng(seed, "target", name)
+        flags = {**flags, HELD_OUT: ~blocks.kept(part, validation.keep).reshape(geometry.shape)}
+    eligible = eligible_pixels(name, geometry, measurement, config, registered.uncertainty_px, flags)
+    rng = derived_rng(case.seed, "target", name)
     drawn = np.sort(rng.choice(eligible.pixels, size=min(config.pixels, eligible.pixels.size), replace=False))
-    values = Levels.apply(measurement.image_db.ravel()[drawn], (levels or Levels()).measured)
+    values = Levels.apply(measurement.image_db.ravel()[drawn], levels.measured)
     penalised = config.fit == "penalised"
     fit = skewnormal.fit(values, penalised)
     correlation = estimate_correlation(measurement.image_db, eligible.pixels, geometry.incidence_deg)
@@ -142,7 +131,7 @@ def make_target(
         goodness=goodness_of_fit(values, fit.dp, rng, effective, penalised=penalised),
         penalised=penalised,
         left_out=eligible.masked,
-        looks=local_looks(measurement.image_db, eligible.pixels, radar) if radar is not None else float("nan"),
+        looks=local_looks(measurement.image_db, eligible.pixels, case.radar),
         patch=fields_of(name, geometry, scene)[drawn],
         block=part[drawn],
         correlation=correlation,
@@ -197,19 +186,7 @@ def make_targets(
     targets: dict[str, Target] = {}
     for number, name in enumerate(case.calibrated, start=1):
         try:
-            targets[name] = make_target(
-                name,
-                geometry,
-                measurement,
-                config,
-                case.seed,
-                registered.uncertainty_px,
-                levels=levels,
-                flags=flags,
-                radar=case.radar,
-                validation=case.validation,
-                scene=scene,
-            )
+            targets[name] = make_target(case, name, geometry, registered, levels, flags, scene)
         except MeasurementError:
             if not partly or (number == len(case.calibrated) and not targets):
                 raise
