@@ -38,7 +38,6 @@ from radcal.standing.faces import Echoes, in_pixels
 _LARGEST_KM = 1000.0  # a smaller altitude may be one in km: low orbits lie below 1000 km
 _MOST_ROOFS = 15  # of which a facet's state has room for the number
 _MOST_NAMES = 254  # largest number of materials, not counting objects
-_MOST_ADDED = 2**22  # number of elevations that are added at once
 
 
 def make_geometry(
@@ -189,7 +188,7 @@ def lit_facets(scene: Scene, radar: Radar, k: int | None = None) -> LitFacets:
         The terrain or an object reaches the height of the track, or the track passes over the scene.
     """
     elevation = _facing(scene.elevation_m, radar)
-    mean = float(elevation.mean())
+    mean = _mean_m(scene.elevation_m)
     view = _view(scene, radar, mean, float(elevation.max()), k)
     lines, spots, _, _ = _seen_lines(scene, radar, view, mean, slice(0, len(elevation) * view.k), k is not None)
     return LitFacets(view, lines, np.ascontiguousarray(_facing(scene.material, radar)), spots, _roof_ids(scene))
@@ -223,7 +222,7 @@ def make_frame(scene: Scene, radar: Radar) -> Frame:
     if elevation is None:
         raise SceneError("simulator.strips: a scene in slant range has no strips, expected 1.")
     _check(scene, radar)
-    mean = _sum_m(elevation, radar) / scene.material.size
+    mean = _mean_m(elevation)
     highest = max(float(elevation[first : first + BLOCK].max()) for first in range(0, len(elevation), BLOCK))
     view, near, far = _view(scene, radar, mean, highest), 0.0, np.inf
     for first, last in blocks(0, len(elevation) * view.k, view.k):
@@ -238,25 +237,11 @@ def make_frame(scene: Scene, radar: Radar) -> Frame:
     return Frame(mean, highest, near, far)
 
 
-def _sum_m(elevation: NDArray[np.float64], radar: Radar) -> float:
-    """Sum of a scene's elevations, of which some rows are used at a time; bit for bit the sum that numpy makes of all.
-
-    numpy halves an array that lies in memory in one piece, and adds the halves; of any other array it adds as many
-    whole rows at a time as fit into its buffer.
-    """
-    columns = elevation.shape[1]
-
-    def halves(first: int, last: int) -> float:
-        if (count := last - first) > _MOST_ADDED:
-            middle = first + count // 2 // 8 * 8
-            return halves(first, middle) + halves(middle, last)
-        top = first // columns
-        return float(elevation[top : -(-last // columns)].ravel()[first - top * columns : last - top * columns].sum())
-
-    if radar.look_side == "right":
-        return halves(0, len(elevation) * columns)
-    rows = max(1, np.getbufsize() // columns)
-    return sum(float(_facing(elevation[k : k + rows], radar).sum()) for k in range(0, len(elevation), rows))
+def _mean_m(elevation: NDArray[np.float64] | None) -> float:
+    """Mean of a scene's elevations [m], read by rows; the sum of the rows' sums is rounded once."""
+    assert elevation is not None  # noqa: S101 - a scene with terrain
+    rows = (elevation[first : first + BLOCK].sum(axis=1) for first in range(0, len(elevation), BLOCK))
+    return math.fsum(np.concatenate(list(rows))) / float(np.prod(elevation.shape))
 
 
 def strips_of(lines: int, cell_m: float, radar: Radar, number: int, frame: Frame) -> list[Strip]:
@@ -315,7 +300,7 @@ def _terrain_geometry(scene: Scene, radar: Radar, onto: Geometry | None, strip: 
     """Geometry of a scene with terrain: facets of the refined elevation model, seen from a straight track."""
     elevation, material = _facing(scene.elevation_m, radar), _facing(scene.material, radar)
     frame = strip.frame if strip is not None else None
-    heights = (float(elevation.mean()), float(elevation.max())) if frame is None else (frame.mean_m, frame.highest_m)
+    heights = (_mean_m(scene.elevation_m), float(elevation.max())) if frame is None else (frame.mean_m, frame.highest_m)
     view = _view(scene, radar, *heights)
     seen, k, step = view.seen, view.k, view.step_m
     columns = int(len(elevation) * scene.cell_m / radar.azimuth_spacing_m)
