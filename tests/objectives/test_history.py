@@ -158,7 +158,7 @@ def test_a_file_of_a_newer_version_is_named(tmp_path):
     data = read_json(file)
     data[0]["dyke"]["front"]["colour"] = 3
     write_json(file, data)
-    said = r"proposal\.json: has the key '0\.dyke\.front\.colour', which radcal \d\S* does not know: another version"
+    said = r"proposal\.json: holds other .* 0\.dyke\.front\.colour: Unexpected keyword argument, found 3\)"
     with pytest.raises(StoreError, match=said):
         read_proposals(file)
 
@@ -181,15 +181,19 @@ def test_a_run_of_another_version_is_named_by_the_key(tmp_path):
     (data,) = read_json(file)
     del data["scores"]
     write_json(file, [data])
-    with pytest.raises(StoreError, match=r"scores\.json: lacks the key '0.scores', which radcal \d\S* needs: "):
+    with pytest.raises(StoreError, match=r"scores\.json: holds other contents .* 0\.scores: Field required"):
         read_runs([file])
 
 
 @pytest.mark.parametrize(
     ("place", "value", "said"),
     [
-        ((), "nothing", "ValueError: 0 is 'n': Input should be an object"),
-        ((0, "scores", "dyke", "cost"), None, "ValueError: 0.scores.dyke.cost is None: Input should be a valid number"),
+        ((), "nothing", "ValueError: 0: Input should be an object, found 'n'"),
+        (
+            (0, "scores", "dyke", "cost"),
+            None,
+            "ValueError: 0.scores.dyke.cost: Input should be a .*, found None",
+        ),
     ],
 )
 def test_other_contents_under_a_right_checksum_are_one_sentence(tmp_path, place, value, said):

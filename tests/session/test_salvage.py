@@ -92,8 +92,7 @@ def test_a_lost_run_takes_its_index_with_it(out):
     (out / f"runs/{KEYS[2]}.h5").unlink()
     (sentence,) = salvage(out, "tiny")
     assert sentence == (
-        f"{out}/runs/{KEYS[2]}.h5: the run is not there, though design/0.json lists it; it alone is made again where "
-        "needed."
+        f"{out}/runs: runs listed in design/0.json are not there ({KEYS[2]}); they alone are made again where needed."
     )
     assert names(out) & {*INDEXES} == {*INDEXES[::2]}
 
@@ -106,8 +105,8 @@ def test_all_runs_lost_are_one_sentence_with_their_number(out):
         write_json(out / "scores.json", [{"key": key, "rms": {}} for key in KEYS])
     (sentence,) = salvage(out, "tiny")
     assert sentence == (
-        f"{out}/runs: 6 runs are not there, though passes/1/reference.json, scores.json, design/0.json and 1 more list "
-        "them; they alone are made again where needed."
+        f"{out}/runs: runs listed in passes/1/reference.json, scores.json, design/0.json and 1 more are not there "
+        f"({', '.join(sorted(KEYS)[:3])} and 3 more); they alone are made again where needed."
     )
     assert not names(out) & {"scores.json", *INDEXES}
 
@@ -128,7 +127,7 @@ def test_a_record_under_the_name_of_another_is_noticed(out):
     second.write_bytes(first.read_bytes())
     sentences = salvage(out, "tiny")
     assert sentences[0].startswith(f"{second}: holds the run {KEYS[1]}, expected {KEYS[2]}; set aside as ")
-    assert "design/0.json lists it" in sentences[1]
+    assert "runs listed in design/0.json are not there" in sentences[1]
     assert first.is_file()
     # a job that asks for it meets the same
     assert RunStore(out / "runs").get(KEYS[2], ["field"]) is None
@@ -166,6 +165,6 @@ def test_missing_pages_are_one_sentence(out):
     for name in ("report.html", "figures/law.png", "figures/law.pdf"):
         (out / name).unlink()
     (sentence,) = salvage(out, "tiny")
-    assert sentence == (f"{out}/report.html, {out}/figures/law.png, {out}/figures/law.pdf are missing, and made again.")
+    assert sentence == f"missing, and made again: {out}/report.html, {out}/figures/law.png, {out}/figures/law.pdf."
     assert not (out / "report.json").exists()
     assert (out / "table.json").is_file()

@@ -115,7 +115,7 @@ def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
     Path("results/dyke/iterations/1/verified.json").write_text("{}")
     Session(build_case()).set_damaged_aside()
     said = capsys.readouterr().err.splitlines()
-    places = ["results/dyke/iterations/1/verified.json", f"results/dyke/runs/{'a' * 20}.h5"]
+    places = ["results/dyke/iterations/1/verified.json", "results/dyke/runs"]
     assert [line.split(": ")[:2] for line in said] == [["radcal", place] for place in places]
 
 

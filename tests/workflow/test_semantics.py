@@ -210,7 +210,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     (out / "figures/law_field.png").unlink()
     (out / "runs.csv").write_text("changed\n")
     said = ended(finished, *CASE)
-    assert "radcal: results/tiny/figures/law_field.png is missing, and made again." in said
+    assert "radcal: missing, and made again: results/tiny/figures/law_field.png." in said
     assert "radcal: results/tiny/runs.csv: is damaged or was changed" in said
     assert {name: content(out / name) for name in before} == before
     assert (out / "runs.csv.damaged").read_text() == "changed\n"

@@ -12,9 +12,8 @@ from radcal.config import Case, CommandSimulation, Material, expand_path
 from radcal.config.inputs import executable_path, files_below
 from radcal.config.part import Part
 from radcal.errors import ConfigError
-from radcal.programs.distinct_seeds import check_seeds
 from radcal.programs.placeholders import SEED, Marked, argument, template
-from radcal.programs.written_numbers import check_numbers
+from radcal.programs.written_values import check_numbers, check_seeds
 from radcal.sections.simulator import SimulatorConfig
 from radcal.storage.files import file_sha256
 from radcal.storage.runs import Parameters
@@ -65,7 +64,7 @@ class CommandPlan:
             marked = template(text, item.delimiter, f"simulator.templates.{k}.template: {path}").checked(known)
             self.templates.append((marked, item.file))
         if config.input is None:
-            used = {name for marked in self.texts for name in marked.names}
+            used = {marker.name for marked in self.texts for marker in marked.markers}
             unused = [name for name in parameters if name not in used]
             if unused:
                 raise ConfigError(
@@ -141,8 +140,7 @@ def check_command(case: Case) -> None:
     Raises
     ------
     ConfigError, SimulatorError
-        :class:`CommandPlan`, :func:`radcal.programs.written_numbers.check_numbers` or
-        :func:`radcal.programs.distinct_seeds.check_seeds` found an error.
+        :class:`CommandPlan`, :func:`.check_numbers` or :func:`.check_seeds` found an error.
     """
     if isinstance(case.simulator, CommandSimulation):
         plan = CommandPlan(case.simulator, case.materials)

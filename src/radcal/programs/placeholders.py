@@ -79,9 +79,9 @@ class Marked:
     where: str
 
     @property
-    def names(self) -> set[str]:
-        """Names of all values for which the text has placeholders."""
-        return {part.name for part in self.parts if isinstance(part, Marker)}
+    def markers(self) -> list[Marker]:
+        """Placeholders of the text."""
+        return [part for part in self.parts if isinstance(part, Marker)]
 
     def filled(self, values: Mapping[str, float | int | str]) -> str:
         """Text with values in place of the placeholders.
@@ -108,9 +108,7 @@ class Marked:
         ConfigError
             A placeholder has an unknown name, an impossible range, or a format unsuitable for its value.
         """
-        for part in self.parts:
-            if isinstance(part, str):
-                continue
+        for part in self.markers:
             if part.name not in known:
                 raise ConfigError(f"{self.where}: unknown placeholder {part.name!r}{nearest(part.name, known)}.")
             if part.interval is not None:
@@ -192,7 +190,7 @@ def template(text: str, delimiter: str, where: str) -> Marked:
             else:
                 raise ConfigError(f"{where}: line {number} has an empty marker {delimiter}{piece}{delimiter}.")
     found = Marked(tuple(parts), where)
-    if not found.names:
+    if not found.markers:
         raise ConfigError(
             f"{where}: no marker between two {delimiter} in it; a file without markers goes to simulator.files."
         )

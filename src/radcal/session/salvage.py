@@ -127,14 +127,9 @@ def _indexes(folder: Path, lost: Mapping[Path, set[str]], sentences: list[str]) 
     for path in lost:
         _remove(path)
     keys = sorted(set().union(*lost.values()))
-    names = [path.relative_to(folder).as_posix() for path in lost]
-    files = f"{_few(names)} {'list' if len(names) > 1 else 'lists'}"
-    sentences.append(
-        f"{folder / 'runs' / keys[0]}.h5: the run is not there, though {files} it; it alone is made again where needed."
-        if len(keys) == 1
-        else f"{folder / 'runs'}: {len(keys)} runs are not there, though {files} them; they alone are made again where "
-        "needed."
-    )
+    names = _few([path.relative_to(folder).as_posix() for path in lost])
+    text = f"runs listed in {names} are not there ({_few(keys)}); they alone are made again where needed."
+    sentences.append(f"{folder / 'runs'}: {text}")
 
 
 def _few(names: Sequence[str]) -> str:
@@ -154,8 +149,7 @@ def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> 
         logger.info("%s", error)
         return
     if missing := [file for file in found if not file.exists()]:
-        names = _few([str(file) for file in missing])
-        sentences.append(f"{names} {'are' if len(missing) > 1 else 'is'} missing, and made again.")
+        sentences.append(f"missing, and made again: {_few([str(file) for file in missing])}.")
     for file, reason in found.items():
         if file not in missing:
             # not into the folder of the figures, because the job that draws the figures first empties this folder

@@ -38,14 +38,12 @@ import types
 import typing
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import MISSING, dataclass, fields, is_dataclass
-from importlib.metadata import version
 from typing import Any, Literal, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.errors import StoreError
 from radcal.findings import Finding
 
 # sizes of compressed datasets [bytes]: compression of smaller ones saves no space, and of larger ones takes too long
@@ -120,7 +118,7 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
 
     Raises
     ------
-    StoreError
+    LookupError
         The group lacks a field that has no default: another version of radcal wrote the file.
     """
     found = {}
@@ -131,11 +129,7 @@ def take(group: h5py.Group, kind: type[T], without: Collection[str] = ()) -> T:
         elif entry.default is None:
             found[entry.name] = None
         elif entry.default is MISSING:
-            raise StoreError(
-                f"{group.file.filename}: {group.name} lacks {entry.name}, which radcal {version('radcal')} needs: "
-                "another version of radcal wrote it; use that version, or delete the file and type the same command "
-                "again to make it again (finished runs are kept)."
-            )
+            raise LookupError(f"{group.name} lacks {entry.name}")
     return kind(**found)
 
 

@@ -17,7 +17,7 @@ from radcal.config.stages import SCHEMAS
 from radcal.errors import DamagedError, StoreError
 from radcal.reading.intake import elsewhere
 from radcal.storage.provenance import origin
-from radcal.storage.sealing import EarlierVersion, Fault, check_hdf5, check_json
+from radcal.storage.sealing import Fault, check_hdf5, check_json
 
 
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
@@ -135,7 +135,7 @@ def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) ->
     if found["schema"] != SCHEMAS[kind]:
         text = f"was written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}"
         if isinstance(found["schema"], Integral) and int(found["schema"]) < SCHEMAS[kind]:
-            raise EarlierVersion(f"is of an earlier version of radcal: it {text}")
+            raise Fault(f"is of an earlier version of radcal: it {text}", ".earlier")
         raise Fault(text)
     # the key alone identifies a run, so that every case may use its record
     if kind != "run":

@@ -162,7 +162,7 @@ def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike
         inspect_file(path, kind)
     except (Fault, OSError, StoreError):
         return  # a missing or damaged file need not be protected
-    with h5py.File(path, "r", locking=False) as file:
+    with understood(path), h5py.File(path, "r", locking=False) as file:
         if alike(file):
             return
         theirs = disclosed(json.loads(file["config"].asstr()[()])) if "config" in file else {}
@@ -286,8 +286,8 @@ def understood(path: str | Path) -> Iterator[None]:
     except (ArithmeticError, AttributeError, LookupError, RuntimeError, TypeError, ValueError) as error:
         what = " ".join(f"{type(error).__name__}: {error}".split())[:200]
         raise StoreError(
-            f"{path}: holds other contents than radcal writes ({what}); delete the file and type the "
-            "command of its case again to make it again (finished runs are kept)."
+            f"{path}: holds other contents than radcal writes ({what}): use the version of radcal that wrote it, or "
+            "delete the file and type the command of its case again to make it again (finished runs are kept)."
         ) from error
 
 
@@ -313,16 +313,8 @@ def from_json(kind: type[T], data: Any, path: str | Path) -> T:
         return found
     except ValidationError as error:
         first = error.errors()[0]
-    at = ".".join(map(str, first["loc"]))
-    if first["type"] in ("missing", "unexpected_keyword_argument"):
-        has, knows = ("lacks", "needs") if first["type"] == "missing" else ("has", "does not know")
-        raise StoreError(
-            f"{path}: {has} the key {at!r}, which radcal {version('radcal')} {knows}: another version of radcal wrote "
-            "it; use that version, or delete the file and type the same command again to make it again (finished runs "
-            "are kept)."
-        )
     with understood(path):
-        raise ValueError(f"{at} is {first['input']!r:.40}: {first['msg']}")
+        raise ValueError(f"{'.'.join(map(str, first['loc']))}: {first['msg']}, found {first['input']!r:.40}")
 
 
 @functools.cache

@@ -20,21 +20,19 @@ _JSON_HEADER_BYTES = len('{\n "sha256": "",\n') + 64
 
 
 class Fault(Exception):
-    """Fault found in a file; its text is the predicate of a sentence about the file, such as "is damaged".
+    """Fault found in a file.
 
-    Attributes
+    Parameters
     ----------
+    text : str
+        Predicate of a sentence about the file, such as "is damaged".
     suffix : str
-        Suffix of the name under which the file is set aside.
+        Suffix of the name under which the file is set aside; ``.earlier`` for an undamaged file of an earlier version.
     """
 
-    suffix = ".damaged"
-
-
-class EarlierVersion(Fault):
-    """Layout of an undamaged file that an earlier version of radcal wrote."""
-
-    suffix = ".earlier"
+    def __init__(self, text: str, suffix: str = ".damaged") -> None:
+        super().__init__(text)
+        self.suffix = suffix
 
 
 def header(total: str, size: int) -> bytes:

@@ -1,4 +1,4 @@
-"""Check that the number formats of placeholders write the bounds of a parameter, and resolve the interval between them.
+"""Checks of what placeholders write: numbers that resolve the bounds of a parameter, and distinct seeds.
 
 A format with few digits makes the image change in steps, which no surrogate can represent, or gives the program values
 outside of the bounds.
@@ -10,9 +10,11 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from radcal.config import Material
+from radcal.config import Case, Material, SyntheticMeasurement
+from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, SimulatorError
-from radcal.programs.placeholders import Marked, Marker
+from radcal.programs.placeholders import SEED, Marked, Marker
+from radcal.seeds import measurement_seed, noise_seed
 
 _TRIED = 102  # values of a parameter that are written for the check: the bounds, and 100 between them
 _FEWEST = 50  # different numbers that the bounds must be resolved by
@@ -42,9 +44,9 @@ def check_numbers(materials: Mapping[str, Material], texts: Iterable[Marked]) ->
         for key, (low, high), whole in zip(one.parameter_names, values, one.integers, strict=True):
             boxes[f"{name}.{key}"] = (low, high, whole)
     for marked in texts:
-        for part in marked.parts:
-            if isinstance(part, Marker) and part.spec and part.name in boxes:
-                _check(part, *boxes[part.name], marked.where)
+        for marker in marked.markers:
+            if marker.spec and marker.name in boxes:
+                _check(marker, *boxes[marker.name], marked.where)
 
 
 def _check(marker: Marker, low: float, high: float, whole: bool, where: str) -> None:
@@ -74,3 +76,40 @@ def _check(marker: Marker, low: float, high: float, whole: bool, where: str) -> 
             f"{ends}, and {_TRIED} values from bound to bound as {different} different numbers, expected at least "
             f"{_FEWEST}, all inside of the bounds: write more digits, or {marker.name} alone for all of them."
         )
+
+
+def check_seeds(case: Case, texts: Iterable[Marked]) -> None:
+    """Raise an error if the placeholders map different seeds of a case to the same number.
+
+    Parameters
+    ----------
+    case : Case
+        The configuration.
+    texts : iterable of Marked
+        Arguments and templates with placeholders.
+
+    Raises
+    ------
+    ConfigError
+        Two of the following would receive the same number: the runs of the calibration, the final run with fresh random
+        numbers, the synthetic measurement.
+    SimulatorError
+        The text of a seed is wider than the field of its placeholder.
+    """
+    runs = STAGES["reference_run"].of(case)
+    seeds = {
+        "the runs of the calibration": noise_seed(runs),
+        "the final run with fresh random numbers": noise_seed(runs, fresh=True),
+    }
+    if isinstance(case.measurement, SyntheticMeasurement):
+        seeds["the synthetic measurement"] = measurement_seed(case.simulator, case.measurement.synthetic.seed)
+    seen: dict[tuple[str, ...], str] = {}
+    places = [(one.where, marker) for one in texts for marker in one.markers if marker.name == SEED]
+    for what, seed in seeds.items():
+        text = tuple(marker.text(seed, where) for where, marker in places)
+        if text and text in seen:
+            raise ConfigError(
+                f"{places[0][0]}: {SEED} is {text[0].strip()} for {seen[text]} as for {what}: change seed (it is "
+                f"{case.seed}), or widen the range."
+            )
+        seen[text] = what
