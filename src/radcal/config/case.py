@@ -56,21 +56,31 @@ class Case(Part):
     seed: Seed = Field(1, description="seed of all random draws without a key seed of their own")
     # a default_factory, because a section that is created here would make every job build its validator
     scene: SceneConfig = Field(default_factory=BuiltinScene, description="source of elevation, materials and objects")
-    radars: Radars = Field(default_factory=lambda: [Radar()], description="acquisition: track, sensor and image grid")
+    radars: Radars = Field(
+        default_factory=lambda: [Radar()], description="the acquisition: track, sensor and image grid"
+    )
     signals: Signals = Field(default_factory=Signals)
-    simulator: SimulatorConfig = Field(default_factory=BuiltinSimulation, description="radcal's own or another program")
+    simulator: SimulatorConfig = Field(
+        default_factory=BuiltinSimulation, description="radcal's own simulator or any other program"
+    )
     materials: dict[str, Material] = Field(
-        default_factory=default_materials, min_length=1, description="materials by name, each with its backscatter law"
+        default_factory=default_materials,
+        min_length=1,
+        description="surface materials by name, each with its backscatter law",
     )
     # a default_factory, so that jobs of a calibration do not build its validator
     ppi: Ppi = Field(default_factory=Ppi)
     gmti: Gmti = Field(default_factory=Gmti)
     products: Products = Field(default_factory=Products)
-    measurements: Measurements = Field(default_factory=_synthetic_measurement, description="in a file, or synthetic")
+    measurements: Measurements = Field(
+        default_factory=_synthetic_measurement, description="the measured image in a file, or a synthetic one"
+    )
     colours: dict[str, str] | None = Field(None, description="colours of the materials in figures")
     registration: RegistrationConfig = Field(default_factory=RegistrationConfig)
     objective: Objective = Field(
-        DEFAULT, description="what is compared: bins (classes, likelihood; docs/right_law.md) or histogram (density)"
+        DEFAULT,
+        description="what is compared: incidence-angle bins (classes, likelihood; docs/right_law.md) or the histogram "
+        "(density)",
     )
     target: TargetConfig = Field(default_factory=TargetConfig)
     validation: Validation | None = Field(None, description="ground that the calibration leaves out, to check the laws")

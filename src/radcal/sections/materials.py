@@ -91,7 +91,9 @@ class OtherLaw(Section):
     """
 
     law: str = Field(description="law of the material")
-    angles_deg: Knots | None = Field(None, description="incidence angle of each parameter of a tabulated law [deg]")
+    angles_deg: Knots | None = Field(
+        None, description="incidence angles of a tabulated law, each with one parameter [deg]"
+    )
     formula: str | None = Field(None, description="formula of this law (law: formula)")
     names: list[str] | None = Field(None, description="names of the parameters (law: formula)")
     conditions: Conditions | None = Field(None, description=_CONDITIONS, exclude_if=_is_none)
@@ -121,8 +123,12 @@ class Material(Section):
 
     calibrate: bool = Field(False, description="whether radcal calibrates the law parameters of this material")
     law: str = Field(DEFAULT_LAW, description="backscatter law (docs/laws.md)")
-    angles_deg: Knots | None = Field(None, description="incidence angle of each parameter of a tabulated law [deg]")
-    formula: str | None = Field(None, description="sigma0 [dB] by phi [rad] and names (law: formula; docs/laws.md)")
+    angles_deg: Knots | None = Field(
+        None, description="incidence angles of a tabulated law, each with one parameter [deg]"
+    )
+    formula: str | None = Field(
+        None, description="formula of sigma0 [dB] with phi [rad] and the parameters (law: formula; docs/laws.md)"
+    )
     names: list[str] | None = Field(None, description="names of the parameters (law: external or formula)")
     units: list[str] | None = Field(None, description="units of the parameters (law: external or formula)")
     conditions: Conditions | None = Field(None, description=_CONDITIONS, exclude_if=_is_none)
@@ -135,14 +141,18 @@ class Material(Section):
     ) = Field(None, description="names of the integer parameters, or true for all (law: external)")
     parameters: list[Parameter] | None = Field(None, description="fixed parameters (calibrate: false)")
     looks: Annotated[Real, Field(ge=0.01, le=1000)] | None = Field(
-        None, description="effective looks with calibrate: false; by default radar.looks; fewer simulate texture"
+        None,
+        description="effective looks of a material with calibrate: false; by default radar.looks; fewer looks simulate "
+        "texture",
     )
     colour: Annotated[str, Field(pattern="^#[0-9A-Fa-f]{6}$")] | None = Field(
         None,
         exclude=True,  # the colours are kept in a section of their own, because runs do not depend on them
         description="colour in figures, such as #0072B2; the default depends on the name (docs/landcover.md)",
     )
-    bounds: list[tuple[Parameter, Parameter]] | None = Field(None, description="[lower, upper] bound of each parameter")
+    bounds: list[tuple[Parameter, Parameter]] | None = Field(
+        None, description="[lower, upper] bound of each parameter that is calibrated"
+    )
     start: (
         Annotated[
             Annotated[list[Parameter], Tag("a list")] | Annotated[OtherLaw, Tag("a law")],

@@ -47,10 +47,17 @@ class Synthetic(Section):
     seed: Seed = Field(2, description="seed of speckle, noise and warp")
     offset_db: Decibels = Field(0.0, description="offset of the whole image [dB]")
     warp_px: Real = Field(2.0, ge=0, le=50, description="rms displacement from the simulated image [pixels]")
-    laws: dict[str, OtherLaw] = Field(default_factory=dict, description="hidden laws by material, as {law, parameters}")
-    relief_m: Real = Field(0.0, ge=0, le=100, description="rms height of random relief that the scene lacks [m]")
+    laws: dict[str, OtherLaw] = Field(
+        default_factory=dict,
+        description="hidden law by material, as {law, parameters}, if not that of section materials",
+    )
+    relief_m: Real = Field(
+        0.0, ge=0, le=100, description="rms height of random relief in the image that the scene lacks [m]"
+    )
     relief_length_m: Length = Field(5.0, description="correlation length of this relief [m]")
-    resolution_factor: Real = Field(1.0, ge=0.1, le=10, description="ratio of its resolutions to those in radar")
+    resolution_factor: Real = Field(
+        1.0, ge=0.1, le=10, description="ratio of the image's resolutions to those of section radar"
+    )
     looks: Looks | None = Field(None, description="number of looks; by default radar.looks")
     nesz_db: Decibels | None = Field(None, description="noise-equivalent sigma0 [dB]; by default radar.nesz_db")
     texture_db: Real = Field(0.0, ge=0, le=20, description="standard deviation of gamma texture [dB]")
@@ -59,7 +66,9 @@ class Synthetic(Section):
         default_factory=dict,
         description="standard deviation of sigma0 between fields (connected areas), by material [dB]",
     )
-    wrong_labels: Real = Field(0.0, ge=0, le=0.5, description="share of wrong labels, half on borders, half in patches")
+    wrong_labels: Real = Field(
+        0.0, ge=0, le=0.5, description="share of cells with a wrong material, half on borders, half in patches"
+    )
 
     product: Literal["intensity", "focused"] = Field(
         "intensity",
@@ -107,7 +116,9 @@ class SyntheticMeasurement(Section):
     """Image simulated from hidden parameters."""
 
     source: Literal["synthetic"] = Field("synthetic", description=_SOURCE)
-    synthetic: Synthetic = Field(default_factory=Synthetic, description="hidden laws, speckle, level and displacement")
+    synthetic: Synthetic = Field(
+        default_factory=Synthetic, description="hidden parameters, speckle, level and misregistration"
+    )
 
 
 def starts_as_truth(
@@ -137,18 +148,23 @@ class FileMeasurement(Section):
 
     source: Literal["file"] = Field("file", description=_SOURCE)
     path: str = Field(
-        description="SICD, SAFE folder or manifest, raster, npy, npz, mat or HDF5; ${NAME} is from the environment"
+        description="SICD, SAFE folder of Sentinel-1 or its manifest, GeoTIFF or other raster, npy, npz, mat or "
+        "HDF5; ${NAME} is an environment variable"
     )
     scale: Literal["db", "power", "amplitude", "complex"] = Field(
         description="scale of the numbers in the file; required unless the file's name gives it (docs/products.md)"
     )
     band: Band = None
     dataset: Dataset = None
-    polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(None, description="must equal radar.polarisation")
+    polarisation: Literal["HH", "HV", "VH", "VV"] | None = Field(
+        None, description="transmitted and received polarisation; must equal radar.polarisation"
+    )
     carrier_band: str | None = Field(None, description="frequency band; must equal radar.band")
     vrt_folders: VrtFolders = None
     radiometry: Radiometry | None = Field(
-        None, validate_default=True, description="must equal radar.radiometry; required unless the file gives it"
+        None,
+        validate_default=True,
+        description="quantity that a pixel contains; must equal radar.radiometry; required unless the file gives it",
     )
 
     @model_validator(mode="before")
@@ -210,7 +226,12 @@ class RegistrationConfig(Section):
         description="1: onto the reference run; 2: then again, onto a run with laws fitted to the image as first "
         "registered (not with law: external, nor without surrogate.baseline)",
     )
-    global_shift: bool = Field(False, description="whether phase correlation first gives one shift of the whole image")
+    global_shift: bool = Field(
+        False, description="whether phase correlation first estimates one shift of the whole image"
+    )
     max_displacement_px: Real = Field(
-        20.0, gt=0, le=1000, description="largest displacement [pixels], beyond which the image is used unregistered"
+        20.0,
+        gt=0,
+        le=1000,
+        description="largest plausible displacement [pixels], beyond which the image is used unregistered",
     )

@@ -44,21 +44,37 @@ _STEEPEST = 85.0  # incidence [deg], as the limit of incidence_deg
 class Radar(Section):
     """Acquisition (pass): track, sensor and image grid."""
 
-    sensor: SensorName | None = Field(None, description="sensor that gives the other keys' defaults (docs/sensors.md)")
+    sensor: SensorName | None = Field(
+        None, description="sensor and product that give the defaults of the other keys (docs/sensors.md)"
+    )
     altitude_m: Altitude = Field(4000.0, description="height of the track above the scene's mean elevation [m]")
     depression_deg: _Elevation = Field(45.0, description="depression angle to the scene's centre [deg]")
-    incidence_deg: _Elevation | None = Field(None, description="at the scene's centre [deg]; instead of depression_deg")
-    earth: Literal["flat", "curved"] = Field("flat", description="shape of the earth; curved if incidence_deg is given")
-    heading_deg: Real = Field(0.0, ge=0, lt=360, description="heading of the track, clockwise from grid north [deg]")
-    look_side: Literal["right", "left"] = Field("right", description="right (east of a northward track) or left")
+    incidence_deg: _Elevation | None = Field(
+        None, description="incidence on level ground at the scene's centre [deg]; for orbits, instead of depression_deg"
+    )
+    earth: Literal["flat", "curved"] = Field(
+        "flat", description="shape of the earth between track and scene; curved if incidence_deg is given"
+    )
+    heading_deg: Real = Field(
+        0.0, ge=0, lt=360, description="heading of the track at the scene, clockwise from north [deg]; 0 is grid north"
+    )
+    look_side: Literal["right", "left"] = Field(
+        "right", description="side to which the radar looks: right (east of a northward track) or left"
+    )
     band: str = Field("X", description="frequency band, such as X")
-    frequency_ghz: Frequency | None = Field(None, description="carrier frequency [GHz]; some laws require it")
+    frequency_ghz: Frequency | None = Field(
+        None, description="carrier frequency [GHz]; required by laws that depend on frequency"
+    )
     polarisation: Literal["HH", "HV", "VH", "VV"] = Field("HH", description="transmitted and received polarisation")
     range_resolution_m: Length = Field(2.0, description="-3 dB width of the response in slant range [m]")
     azimuth_resolution_m: Length = Field(3.5, description="-3 dB width of the response in azimuth [m]")
     range_spacing_m: Length = Field(1.5, description="pixel spacing in slant range [m]")
     azimuth_spacing_m: Length = Field(2.5, description="pixel spacing in azimuth [m]")
-    looks: Looks = Field(4, description="equivalent number of independent looks, also of an external program's image")
+    looks: Looks = Field(
+        4,
+        description="(equivalent) number of independent looks averaged in power; for an external simulator, the number "
+        "in its image",
+    )
     nesz_db: Annotated[
         Annotated[Decibels, Tag("one level")]
         | Annotated[list[tuple[Annotated[Real, Field(ge=0, lt=90)], Decibels]], Field(min_length=2), Tag("a table")],
@@ -69,7 +85,9 @@ class Radar(Section):
         "external simulator without noise, far below the image",
     )
     radiometry: Radiometry = Field(
-        "sigma0_ref", description="sigma0_ref (level ground), sigma0_local (no area term), beta0, gamma0 or gamma0_rtc"
+        "sigma0_ref",
+        description="quantity of a pixel: sigma0_ref (level ground), sigma0_local (no area term), beta0, gamma0, or "
+        "gamma0_rtc (terrain-flattened)",
     )
 
     @model_validator(mode="wrap")
@@ -217,30 +235,57 @@ class Radar(Section):
 class Signals(Section):
     """Radar of the raw signals (``radcal simulate --product iq``) and of images focused from them (``focused``)."""
 
-    mode: Literal["stripmap", "spotlight"] = Field("stripmap", description="spotlight: the beam stays on the scene")
-    squint_deg: Real = Field(0.0, ge=-60, le=60, description="beam axis and processed band ahead of zero Doppler [deg]")
+    mode: Literal["stripmap", "spotlight"] = Field(
+        "stripmap", description="stripmap: the beam keeps its direction; spotlight: it follows the scene's middle"
+    )
+    squint_deg: Real = Field(
+        0.0, ge=-60, le=60, description="angle of beam axis and processed band ahead of zero Doppler [deg]"
+    )
     focusing: Literal["backprojection", "omega_k"] = Field(
-        "backprojection", description="backprojection, for any track, or omega_k, for straight ones (radcal[signals])"
+        "backprojection",
+        description="method of product focused: backprojection, for any track, or omega_k, for straight ones, with the "
+        "package finufft of radcal[signals]",
     )
     speed_mps: Real = Field(100.0, ge=1, le=1e4, description="speed of the platform [m/s]")
-    prf_hz: Positive | None = Field(None, description="pulse rate [Hz]; by default 1.1 times the least without aliases")
+    prf_hz: Positive | None = Field(
+        None,
+        description="pulse rate [Hz]; by default 1.1 times the lowest at which no aliased echo falls into the image",
+    )
     antenna_m: Length | None = Field(
-        None, description="length of the antenna along track [m]; by default 8 dB down at the edges of the needed band"
+        None,
+        description="length of the antenna along the track [m]; by default its two-way gain is 8 dB down at the edges "
+        "of the band that radar.azimuth_resolution_m and radar.looks need, in spotlight mode at the scene's "
+        "corners",
     )
     gain_db: Real = Field(30.0, ge=0, le=100, description="gain of the antenna, one way [dB]")
     pulse_us: Positive = Field(10.0, description="length of the transmitted chirp [us]")
-    power_w: Positive | None = Field(None, description="peak power [W]; by default for radar.nesz_db in the middle")
-    noise_figure_db: Real = Field(4.0, ge=0, le=30, description="noise figure with losses [dB]; used only with power_w")
+    power_w: Positive | None = Field(
+        None,
+        description="transmitted peak power [W]; by default that for a noise of radar.nesz_db in the scene's middle",
+    )
+    noise_figure_db: Real = Field(
+        4.0, ge=0, le=30, description="noise figure of the receiver with its losses [dB]; used only with power_w"
+    )
     bits: Annotated[Integer, Field(ge=2, le=16)] | None = Field(
         None, description="bits of the converter for each of I and Q; by default the signal is not quantised"
     )
-    motion_m: Real = Field(0.0, ge=0, le=100, description="rms deviation of the track, in range and in height [m]")
-    motion_length_m: Positive = Field(200.0, description="sd of the Gaussian filter of motion_m along the track [m]")
+    motion_m: Real = Field(
+        0.0,
+        ge=0,
+        le=100,
+        description="rms deviation of the track from a straight line, in ground range and in height [m]",
+    )
+    motion_length_m: Positive = Field(
+        200.0, description="standard deviation of the Gaussian filter that smooths this deviation along the track [m]"
+    )
     origin: tuple[Annotated[Real, Field(ge=-89, le=89)], Annotated[Real, Field(ge=-180, le=180)]] | None = Field(
-        None, description="latitude and longitude of the middle [deg], for product iq; by default of the scene"
+        None,
+        description="latitude and longitude of the scene's middle [deg], for product iq; by default from the map or "
+        "the built-in scene",
     )
     start_utc: str | None = Field(
-        None, description="time of the first pulse, as 2026-01-01T12:00:00Z, for iq; invented for the built-in scene"
+        None,
+        description="time of the first pulse, as 2026-01-01T12:00:00Z, for product iq; invented for the built-in scene",
     )
 
     @field_validator("start_utc")

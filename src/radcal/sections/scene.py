@@ -69,9 +69,15 @@ class SceneObjects(Section):
         description="curves by name, as pairs of aspect [deg] and cross-section [dBsm]; column aspect of the table "
         "names them",
     )
-    cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the column aspect names its classes")
-    permittivity: Permittivity | None = Field(None, description="for the double bounce; without it, no power is lost")
-    generate: GeneratedObjects | None = Field(None, description="trees, cars and buildings to generate instead of path")
+    cross_sections: str | None = Field(
+        None, description=f"{_CROSS_SECTIONS}; the objects' column aspect names its classes"
+    )
+    permittivity: Permittivity | None = Field(
+        None, description="permittivities for the double bounce; without them walls reflect all power"
+    )
+    generate: GeneratedObjects | None = Field(
+        None, description="numbers of trees, cars and buildings to generate, instead of path"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -132,7 +138,9 @@ class BuiltinScene(SceneSection):
     source: Literal["builtin"] = Field("builtin", description=_SOURCE)
     seed: Seed = Field(1, description="seed of the shapes of fields and of the fine relief")
     landscape: Literal["enclosed", "open"] = Field(
-        "enclosed", description="enclosed: hedges, tall forest, a dyke of varying slope; open: level fields, one slope"
+        "enclosed",
+        description="enclosed: ridged fields between hedges, tall forest, a dyke of varying slope; open: level fields "
+        "and a dyke of one slope",
     )
     objects: Objects = None
 
@@ -166,15 +174,24 @@ class GridScene(SceneSection):
 
     on_map = True
     elevation: str = Field(description="GeoTIFF or other raster of heights [m]")
-    crs: str | None = Field(None, description="projected CRS, such as EPSG:32631; by default the elevation's, else UTM")
+    crs: str | None = Field(
+        None,
+        description="projected CRS of the scene, such as EPSG:32631; by default that of the elevation if it is in "
+        "metres, else UTM",
+    )
     cell_m: Length | None = Field(None, description="cell size of the scene [m]; by default that of the elevation")
     bounds: Annotated[tuple[Coordinate, Coordinate, Coordinate, Coordinate], AfterValidator(_ordered)] | None = Field(
         None,
         description="[west, south, east, north] in the CRS of the scene [m]; by default the overlap of the rasters",
     )
-    vertical_datum: str | None = Field(None, description="vertical datum, such as EGM96; required if no CRS names it")
+    vertical_datum: str | None = Field(
+        None, description="vertical datum of the heights, such as EGM96; required if their CRS names none"
+    )
     elevation_error_m: Real = Field(
-        0.0, ge=0, le=100, description="standard error of heights beside each other [m]; that of rounding is added"
+        0.0,
+        ge=0,
+        le=100,
+        description="standard error of a height relative to its neighbours [m]; the error of rounded heights is added",
     )
     vrt_folders: VrtFolders = None
     objects: Objects = None
@@ -187,9 +204,14 @@ class RasterScene(GridScene):
     tables = ("names",)
     source: Literal["raster"] = Field("raster", description=_SOURCE)
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
-    names: str | None = Field(None, description="JSON file of names by id; overrides landcover; required without it")
+    names: str | None = Field(
+        None,
+        description="JSON file of material names by id; overrides the names of landcover; required without landcover",
+    )
     landcover: LandCover | None = Field(
-        None, description="map whose codes the raster contains; gives names and starting laws (docs/landcover.md)"
+        None,
+        description="land-cover map whose codes the raster of materials contains; gives materials names and starting "
+        "laws (docs/landcover.md)",
     )
 
     @model_validator(mode="after")
@@ -212,7 +234,9 @@ class VectorScene(GridScene):
     tables = ("materials", "names", "cross_sections")
     source: Literal["vectors"] = Field("vectors", description=_SOURCE)
     materials: str = Field(description="GeoPackage, shapefile or GeoJSON in any CRS")
-    names: str = Field(description="YAML mapping of features' attributes to materials and objects (docs/vectors.md)")
+    names: str = Field(
+        description="YAML file that maps attributes of features to materials and objects (docs/vectors.md)"
+    )
     cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the mapping names its classes")
 
     @model_validator(mode="after")
@@ -233,11 +257,19 @@ class CdbScene(SceneSection):
     bounds: Annotated[tuple[Longitude, Latitude, Longitude, Latitude], AfterValidator(_ordered)] = Field(
         description="[west, south, east, north] of the scene, on WGS 84 [deg]"
     )
-    materials: str = Field(description="YAML mapping of composite materials and of feature codes (docs/cdb.md)")
+    materials: str = Field(
+        description="YAML file that maps composite materials to materials, and feature codes to objects (docs/cdb.md)"
+    )
     cross_sections: str | None = Field(None, description=f"{_CROSS_SECTIONS}; the mapping names its classes")
-    crs: str | None = Field(None, description="projected CRS, such as EPSG:32611; by default the middle's UTM zone")
-    cell_m: Length | None = Field(None, description="cell size [m]; by default that of the finest raster of materials")
-    vertical_datum: str | None = Field(None, description="vertical datum; by default the standard's WGS 84 ellipsoid")
+    crs: str | None = Field(
+        None, description="projected CRS of the scene, such as EPSG:32611; by default the UTM zone of its middle"
+    )
+    cell_m: Length | None = Field(
+        None, description="cell size of the scene [m]; by default that of the finest raster of materials"
+    )
+    vertical_datum: str | None = Field(
+        None, description="vertical datum of the heights; by default the WGS 84 ellipsoid, as the standard says"
+    )
 
     def files_in(self, folder: Path) -> list[Path]:
         """Files of the tiles that overlap the bounds, and the list of base materials.

@@ -13,31 +13,45 @@ from radcal.sections.limits import Count, Integer, Real
 class Design(Section):
     """Runs made before any surrogate exists (design of experiments)."""
 
-    sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field("sobol", description="how parameters are drawn")
+    sampler: Literal["monte_carlo", "latin_hypercube", "sobol"] = Field(
+        "sobol", description="method that samples the parameters"
+    )
     size: Annotated[Integer, Field(ge=0, le=100_000)] | Literal["auto"] = Field(
-        "auto", description="number of runs; auto: 2, or at least 8 without a baseline; 0 needed the fewest in tests"
+        "auto",
+        description="number of runs; auto: 2, or at least 8 without a baseline (as with law: external); 0 needed the "
+        "fewest runs in tests (docs/right_law.md); larger designs contain smaller ones",
     )
     chunk: Integer = Field(4, ge=1, le=1000, description="number of design runs in one workflow job")
-    reuse: CaseName | None = Field(None, description="earlier case of the same scene and simulator, to reuse its runs")
+    reuse: CaseName | None = Field(
+        None, description="earlier case with the same scene and simulator, whose runs are reused"
+    )
 
 
 class SurrogateConfig(Section):
     """Kriging models that predict the statistics of a run."""
 
     outputs: Literal["centred", "direct"] = Field(
-        "centred", description="centred (mean, log sd, skewness) or, for objective: density, direct (xi, omega, alpha)"
+        "centred",
+        description="outputs of the kriging: centred (mean, log sd, skewness) or direct (xi, omega, alpha; only for "
+        "objective: density)",
     )
     training: Literal["posterior", "smt"] = Field(
-        "posterior", description="length scales: posterior (likelihood, weak prior) or smt, for objective: density"
+        "posterior",
+        description="estimate of the length scales: posterior (likelihood times a weak prior) or smt (defaults of the "
+        "library smt; only for objective: density)",
     )
-    baseline: bool = Field(True, description="whether law, speckle and noise predict runs, and kriging their error")
+    baseline: bool = Field(
+        True,
+        description="whether law, speckle and noise predict each run, and kriging learns only the prediction's error",
+    )
 
 
 class Optimiser(Section):
     """Search on the surrogate: NSGA-II, then least squares from its best point."""
 
     objective: Literal["theta", "rms"] = Field(
-        "theta", description="what NSGA-II minimises: theta (squared residuals) or, for objective: density, rms"
+        "theta",
+        description="what NSGA-II minimises: theta (sum of squared residuals) or, only with objective: density, rms",
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
     # fit and the multi-start search compensate for a small population.
@@ -59,7 +73,12 @@ class Infill(Section):
 class Stop(Section):
     """Criteria that end the search; after a change, no finished run is repeated."""
 
-    rms: Real = Field(1.0e-5, gt=0, le=100, description="largest rms difference [1/dB]; only for objective: density")
+    rms: Real = Field(
+        1.0e-5,
+        gt=0,
+        le=100,
+        description="tolerance of the rms difference between the densities [1/dB]; only for objective: density",
+    )
     max_runs: Count = Field(200, description="largest total number of design and infill runs")
     max_hours: Annotated[Real, Field(gt=0, le=1_000_000)] | None = Field(
         None,

@@ -51,7 +51,13 @@ class PythonSimulation(Section):
     kind: str = Field(description=_KIND)
     keep_images: KeepImages = False
     draws: Draws = Field(1, description=_DRAWS)
-    strips: Integer = Field(1, ge=1, le=1000, description="strips of 256 rows or more, each with a job for geometry")
+    strips: Integer = Field(
+        1,
+        ge=1,
+        le=1000,
+        description="number of strips in azimuth, of 256 or more rows of the scene; each has its own job for the "
+        "geometry",
+    )
 
     @property
     def focused(self) -> bool:
@@ -140,7 +146,10 @@ class InputFile(Section):
 
     file: FileName = Field("input.json", description="name of the file in the run's folder")
     format: Literal["json", "toml"] = Field("json", description="format of the file")
-    radar: bool = Field(True, description="whether it contains section radar; all changes of radar then need new runs")
+    radar: bool = Field(
+        True,
+        description="whether the file contains section radar; other looks, nesz_db or resolutions then need new runs",
+    )
 
 
 class Template(Section):
@@ -170,13 +179,17 @@ class Output(Section):
     dataset: Dataset = None
     dtype: RawType | None = Field(None, description="type of the numbers in a raw file, stored row by row")
     byte_order: Literal["little", "big"] | None = Field(None, description="byte order of a raw file; little by default")
-    shape: tuple[Count, Count] | None = Field(None, description="[rows, columns] of a raw file; by default the image's")
+    shape: tuple[Count, Count] | None = Field(
+        None, description="[rows, columns] of a raw file; by default the size of the simulated image"
+    )
     header_bytes: Annotated[Integer, Field(ge=0, le=10**12)] | None = Field(
         None, description="number of header bytes before the numbers in a raw file"
     )
     transpose: bool = Field(False, description="whether the rows of the file are columns of the image (azimuth)")
     flip_rows: bool = Field(False, description="whether the last row, after transpose, has the smallest slant range")
-    flip_columns: bool = Field(False, description="whether columns, after transpose, run against the flight direction")
+    flip_columns: bool = Field(
+        False, description="whether the columns, after transpose, run against the flight direction"
+    )
 
     @model_validator(mode="after")
     def _raw(self) -> Self:
@@ -204,9 +217,13 @@ class CommandSimulation(Section):
     output: Output = Field(description="file with the image that the program writes")
     name: str | None = Field(None, description="name of the simulator; by default the file name of the program")
     version: str | None = Field(None, description="version of the simulator; not allowed together with version_command")
-    version_command: Words | None = Field(None, description="command that prints the version: program and arguments")
+    version_command: Words | None = Field(
+        None, description="command that prints the version: list of program and arguments"
+    )
     input: InputFile | None = Field(None, description="file in which radcal gives the program all parameters")
-    templates: list[Template] = Field(default_factory=list, description="templates of its input files, with markers")
+    templates: list[Template] = Field(
+        default_factory=list, description="templates of the program's own input files, with markers for the parameters"
+    )
     files: list[str] = Field(default_factory=list, description="files copied into the folder of each run")
     links: list[str] = Field(default_factory=list, description="files or folders linked into the folder of each run")
     environment: Annotated[dict[str, Variable], AfterValidator(_environment)] = Field(
@@ -219,12 +236,20 @@ class CommandSimulation(Section):
         default_factory=lambda: [0],
         description="exit codes after which radcal reads the output, by default 0 alone; -11 stands for signal 11",
     )
-    deterministic: bool | None = Field(None, description="whether repeated runs are equal; by default radcal tests it")
-    seed_bits: Integer = Field(31, ge=8, le=63, description="bits of {noise_seed}; by default those of a C int")
-    seedless: bool = Field(False, description="whether the program uses no seed; the summary then has no rms_fresh")
+    deterministic: bool | None = Field(
+        None, description="whether equal parameters and seed give equal images; by default a second run tests it"
+    )
+    seed_bits: Integer = Field(
+        31, ge=8, le=63, description="number of bits of {noise_seed}; by default those of a C int"
+    )
+    seedless: bool = Field(
+        False, description="whether the program uses no seed; the rms with fresh speckle is then not reported"
+    )
     draws: Draws = Field(1, description=_DRAWS)
     keep_images: KeepImages = False
-    keep_folders: bool = Field(False, description="whether folders of successful runs are kept, as of failed ones")
+    keep_folders: bool = Field(
+        False, description="whether folders of successful runs are kept; those of failed runs always are"
+    )
 
     @property
     def longest_run_s(self) -> float:

@@ -25,50 +25,106 @@ class TargetConfig(Section):
             json_schema_input_type=Annotated[int, Field(ge=50, le=ALL_PIXELS)] | Literal["all"],
         ),
     ] = Field(1000, description="number of pixels per material, drawn at random, or all")
-    margin_px: Integer = Field(1, ge=0, le=100, description="distance from other materials that is masked [pixels]")
+    margin_px: Integer = Field(
+        1, ge=0, le=100, description="distance from another material up to which pixels are masked [pixels]"
+    )
     fit: Literal["likelihood", "penalised"] = Field(
-        "likelihood", description="fit of densities: likelihood, or penalised (with a penalty on large alpha)"
+        "likelihood",
+        description="fit of skew-normal densities: likelihood (maximum likelihood) or penalised (penalty on large "
+        "alpha)",
     )
-    snr_db: Decibels = Field(0.0, description="lowest ratio of signal to radar.nesz_db [dB]; other pixels are masked")
-    leave_out_point_targets: bool = Field(True, description="whether pixels far brighter than by speckle are masked")
+    snr_db: Decibels = Field(
+        0.0, description="lowest ratio of local signal to the noise radar.nesz_db [dB]; pixels below it are masked"
+    )
+    leave_out_point_targets: bool = Field(
+        True, description="whether point targets (far brighter than speckle explains) are masked"
+    )
     normalisation: Literal["none", "offset", "image"] = Field(
-        "none", description="none, offset (removed by the laws of reference_materials) or image (to median 0, IQR 1)"
+        "none",
+        description="none, offset (the measured image's offset from the laws of reference_materials is subtracted) or "
+        "image (each image is scaled to zero median and unit interquartile range)",
     )
-    reference_materials: list[str] | None = Field(None, description="materials of known law; by default all fixed ones")
+    reference_materials: list[str] | None = Field(
+        None, description="materials that show errors of level and radiometry; by default all that are not calibrated"
+    )
     incidence_classes: Annotated[Integer, Field(ge=1, le=20)] | Literal["auto"] = Field(
-        "auto", description="number of incidence-angle bins; auto: 4 to 8, of 2 degrees; not for objective: density"
+        "auto",
+        description="number of incidence-angle bins; auto: one per 2 degrees, from 4 to 8; not for objective: density",
     )
     looks: Literal["free", "nominal"] = Field(
-        "free", description="effective looks: free (fitted) or nominal (radar.looks); not for objective: density"
+        "free",
+        description="effective looks of a material: free (fitted) or nominal (radar.looks); not for objective: density",
     )
-    priors: bool = Field(True, description="priors on curve and looks (docs/method.md); not for objective: density")
+    priors: bool = Field(
+        True,
+        description="whether weak priors constrain the law's curve and looks (docs/method.md); not for objective: "
+        "density",
+    )
     incidence_error_deg: Annotated[Real, Field(ge=0, le=30)] | None = Field(
-        None, description="standard error of the incidence [deg]; by default from errors of elevation and registration"
+        None,
+        description="standard error of the local incidence [deg]; by default estimated from errors of elevation and "
+        "registration",
     )
 
 
 class Uncertainty(Section):
     """Uncertainty budget of the laws, and its sampler (docs/uncertainty.md)."""
 
-    known_db: Real = Field(1.5, gt=0, le=20, description="half-width of the 90 % band where sigma0 is determined [dB]")
-    level_db: Error = Field(0.33, description="standard error of the image's level [dB]; by default Sentinel-1's")
+    known_db: Real = Field(
+        1.5, gt=0, le=20, description="half-width of the 90 % band up to which sigma0 counts as determined [dB]"
+    )
+    level_db: Error = Field(
+        0.33,
+        description="standard error of the image's absolute level [dB]; the default is Sentinel-1's (1 dB for three "
+        "sigma)",
+    )
     noise_db: Error = Field(2.0, description="standard error of radar.nesz_db [dB]")
     field_db: Real = Field(
-        0.5, gt=0, le=20, description="median of the log-normal prior (log sd 1) on the sd between fields [dB]"
+        0.5,
+        gt=0,
+        le=20,
+        description="median of the log-normal prior (log sd 1) on the standard deviation of levels between fields [dB]",
     )
-    fixed_law_db: Error = Field(1.0, description="scale of the half-normal prior on the sd of fixed laws' errors [dB]")
+    fixed_law_db: Error = Field(
+        1.0, description="scale of the half-normal prior on the standard deviation of errors of fixed laws [dB]"
+    )
     fixed_slope: Real = Field(
-        0.2, ge=0, le=10, description="sd of the slope of a fixed law's error per 10 degrees, as a share of the error"
+        0.2,
+        ge=0,
+        le=10,
+        description="standard deviation of the slope of a fixed law's error per 10 degrees, as a share of the error",
     )
     form_db: Real = Field(
-        0.5, gt=0, le=20, description="scale of the half-normal prior on the sd of the error of a law's form [dB]"
+        0.5,
+        gt=0,
+        le=20,
+        description="scale of the half-normal prior on the standard deviation of the error of a law's form [dB], which "
+        "is smooth over 8 degrees",
     )
-    area: Share = Field(0.1, description="standard error of the area's exponent, itself 0 if radiometry is right")
-    point_spread: Share = Field(0.1, description="relative standard error of resolutions; they change a law's slope")
-    incidence_error: Real = Field(0.3, ge=0, le=3, description="standard error of ln(target.incidence_error_deg)")
-    incidence_floor_deg: Real = Field(0.2, ge=0, le=30, description="standard error of a pass's incidence offset [deg]")
+    area: Share = Field(
+        0.1,
+        description="standard error of the exponent of a pixel's ground area in its value, which is 0 for the right "
+        "radiometry",
+    )
+    point_spread: Share = Field(
+        0.1, description="relative standard error of the resolutions, which change a law's slope"
+    )
+    incidence_error: Real = Field(
+        0.3, ge=0, le=3, description="relative standard error of target.incidence_error_deg (of its logarithm)"
+    )
+    incidence_floor_deg: Real = Field(
+        0.2,
+        ge=0,
+        le=30,
+        description="standard error of an offset of the local incidence, which all pixels of a pass share [deg]",
+    )
     walkers: Integer = Field(128, ge=32, le=1000, description="number of walkers of the sampler")
-    steps: Integer = Field(4000, ge=100, le=100_000, description="largest number of steps of each walker")
+    steps: Integer = Field(
+        4000,
+        ge=100,
+        le=100_000,
+        description="largest number of steps of each walker; a warning says if the chains have not converged",
+    )
 
 
 class Validation(Section):
@@ -76,7 +132,9 @@ class Validation(Section):
 
     rows: Count = Field(20, description="number of image rows in a block, which is used or held out as a whole")
     columns: Count | None = Field(None, description="number of image columns in a block; by default all")
-    means: Count = Field(10, description="image rows in a part of a block; the mean level of each part is predicted")
+    means: Count = Field(
+        10, description="number of image rows in a part of a block; the mean level of each part is predicted"
+    )
     keep: Literal["even", "odd", "both", "fields"] = Field(
         "even",
         description="even or odd: these blocks are used, the others held out; both: all are used, and each half "
