@@ -320,6 +320,27 @@ def test_the_ground_is_hatched_where_its_law_is_determined(made):
     assert "Hatched" not in module.incidence(case)[1]
 
 
+def test_objects_in_a_field_are_no_borders_of_it(made):
+    """Two fields, of which the left one has a pixel without a material in every 4 x 4."""
+    material = np.ones((90, 120), np.uint8)
+    material[:, 80:] = 2
+    material[30:60, 80:] = 1  # without objects
+    material[1::4, 1:80:4] = 0
+    row, column = map_figures._middle(material, 1)
+    assert (row, column) == pytest.approx((45, 60), abs=16)
+    # of a determined material, every second column has objects
+    number = made.archive.names.index(next(iter(made.archive.materials))) + 1
+    material = np.full((90, 120), number, np.uint8)
+    material[:, ::2] = 0
+    angle = np.full(material.shape, 30.0, np.float32)
+    images = replace(made.archive.images, material=material, incidence_deg=angle)
+    canvas, *_ = module.incidence(replace(made.archive, images=images))
+    (areas,) = [one for one in canvas.axes[0].collections if hasattr(one, "hatches")]
+    (path,) = areas.get_paths()
+    assert np.count_nonzero(path.codes == path.MOVETO) == 1
+    assert np.ptp(path.vertices, axis=0) == pytest.approx((119, 89))
+
+
 def test_measured_levels_are_drawn(made):
     levels = np.array([-9.0, -12.0])
     points = LevelPoints(np.array([25.0, 35.0]), levels, np.array([0.5, 0.8]), np.stack([levels] * 3, axis=1), 0.5)

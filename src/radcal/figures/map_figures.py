@@ -323,7 +323,7 @@ def residual(case: Archive) -> Drawn | None:
     )  # fmt: skip
     right.set_title("materials")
     for number in present:
-        row, column = _middle(material == number)
+        row, column = _middle(material, number)
         right.text(
             column, row, str(number), ha="center", va="center", fontsize=10.0, fontweight="bold",
             bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "black", "linewidth": 0.6},
@@ -357,12 +357,14 @@ def _smoothed(pixels: NDArray[Any], incidence_deg: NDArray[Any] | None) -> NDArr
     return np.where(enough, total / np.where(enough, share, 1.0), np.nan)
 
 
-def _middle(inside: NDArray[np.bool_]) -> tuple[int, int]:
-    """Row and column of the point of a region that is farthest from its border."""
-    k = max(1, max(inside.shape) // 400)
-    coarse = inside[k // 2 :: k, k // 2 :: k]
-    if not coarse.any():
-        k, coarse = 1, inside
-    depth = scipy.ndimage.distance_transform_cdt(np.pad(coarse, 1), metric="taxicab")[1:-1, 1:-1]
+def _middle(material: NDArray[Any], number: int) -> tuple[int, int]:
+    """Row and column of the point of a material that is farthest from its border; objects in it are no border."""
+    k = max(1, max(material.shape) // 400)
+    if not (material[k // 2 :: k, k // 2 :: k] == number).any():
+        k = 1
+    coarse = material[k // 2 :: k, k // 2 :: k]
+    inside = coarse == number
+    inside |= (coarse == 0) & scipy.ndimage.binary_closing(inside, np.ones((3, 3)))
+    depth = scipy.ndimage.distance_transform_cdt(np.pad(inside, 1), metric="taxicab")[1:-1, 1:-1]
     row, column = np.unravel_index(int(np.argmax(depth)), depth.shape)
     return int(row) * k + k // 2, int(column) * k + k // 2

@@ -154,7 +154,12 @@ def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material:
     if not inside.any():
         return False
     k = max(1, max(angle.shape) // _HATCHED)
-    share = scipy.ndimage.uniform_filter(inside, 2 * k + 1)[k // 2 :: k, k // 2 :: k]
+    # of the pixels with a material: objects and their shadows, which have none, are no borders
+    ground = (material > 0).astype(np.float32)
+    determined, ground = (
+        scipy.ndimage.uniform_filter(one, 2 * k + 1)[k // 2 :: k, k // 2 :: k] for one in (inside, ground)
+    )
+    share = determined / np.maximum(ground, 1e-3)
     rows, columns = (np.arange(n)[k // 2 :: k] for n in angle.shape)
     areas = panel.contourf(columns, rows, share, levels=[0.5, 2.0], colors="none", hatches=["////"])
     areas.set(edgecolor="white", linewidth=0.8)
