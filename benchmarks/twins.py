@@ -34,11 +34,12 @@ from numpy.typing import NDArray
 from outside_image import Changes, Curve, Flight, Ground, form_image, mangia, oh
 from scipy.ndimage import binary_dilation
 
-from radcal.assessment.conclusion import conclude
+from radcal.assessment.conclusion import conclude, withheld
 from radcal.assessment.model import image_of, posterior_of
 from radcal.assessment.observation import observe, simulated_of
 from radcal.calibration.loop import calibrate, register_rounds
 from radcal.calibration.steps import all_parameters, noise_seed
+from radcal.calibration.stopping import decide
 from radcal.config import Case, case_from
 from radcal.config.stages import STAGES
 from radcal.errors import RadcalError
@@ -513,11 +514,12 @@ def band(
     objectives = make_objectives(stage, [targets])
     posterior = posterior_of(stage, [targets], history, objectives[name], cells, image)
     archive = STAGES["archive"].of(case)
-    found = conclude(
-        archive, case.stop, history, [targets], objectives, b.geometry, runs, final, {name: posterior}, image,
-        [registered],
-    )  # fmt: skip
-    posterior = found.posteriors[name]
+    final_db = final[1].image_db
+    assert final_db is not None
+    findings = conclude(
+        archive, history, [targets], objectives, b.geometry, final_db, {name: posterior}, image, [registered]
+    )
+    posterior = withheld(posterior, findings)
     low, high = posterior.known_between_deg or (np.inf, -np.inf)
     curve = posterior.curve
     assert curve is not None
@@ -533,9 +535,9 @@ def band(
         "determined": ((angles >= low) & (angles <= high)).tolist(),
         "refuted": bool(posterior.form is not None and posterior.form.refuted),
         "sampled": posterior.sampled and image.sampled,
-        "findings": [asdict(one) for one in found.findings],
-        "codes": [one.code for one in found.findings if one.severity != "note"],
-        "line": headline([name], found.findings, found.decision.converged),
+        "findings": [asdict(one) for one in findings],
+        "codes": [one.code for one in findings if one.severity != "note"],
+        "line": headline([name], findings, decide(history, [name], case.stop, case.objective).converged),
     }
 
 

@@ -82,4 +82,3 @@ def test_sigma0_changes_by_the_laws_slope_along_the_gradient_of_the_incidence(mo
     assert found.numbers == pytest.approx({"moved_px": 1.0, "stated_px": 0.3, **wanted}, rel=1e-4)
     for unmoved in (registered(image, applied=False), registered(image, method="ilk")):
         assert list(check_registration(laws, targets, seen, unmoved, image)) == []
-    assert list(check_registration(laws, targets, seen, registered(image), None)) == []

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from archives import changed_material, image
 
+from radcal import skewnormal
 from radcal.config import case_from
 from radcal.errors import StoreError
 from radcal.findings import Finding
@@ -21,6 +22,7 @@ from radcal.objectives.history import History, PassScore
 from radcal.products.tables import write_runs
 from radcal.results.law_notes import law_notes
 from radcal.results.summary import summarise
+from radcal.speckle.texture import log_speckle_cumulants
 from radcal.targets.target import Targets
 from radcal.words import ENDINGS, sentence
 
@@ -44,22 +46,43 @@ def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_ar
     again = made.gathered(tmp_path / "again.h5", final=(first, replace(first, key="fresh")))
     assert summarise(again)["runs"]["final"] == 1
     assert "seed_without_effect" in [one.code for one in again.notes]
+    assert summarise(again)["materials"]["dyke"]["rms_fresh"] is None
 
 
 def test_pixels_are_those_of_the_images(made):
     with h5py.File(made.path) as file:
         np.testing.assert_array_equal(file["scene/material"], made.scene.material)  # row 0 stays in the south
         measured = file["passes/1/registered/measurement/image_db"][()].ravel()
-        fresh = file["images/calibrated_db"][()].ravel()
+        np.testing.assert_array_equal(file["images/calibrated_db"], made.final[1].image_db)
         for name, target in made.targets.items():
             group = file[f"materials/{name}"]
-            pixels, simulated = group["targets/1/pixels"][()], group["simulated"]
+            pixels = group["targets/1/pixels"][()]
             np.testing.assert_array_equal(pixels, target.pixels)
             np.testing.assert_array_equal(group["targets/1/values_db"], measured[pixels])
-            np.testing.assert_array_equal(simulated["fresh"], fresh[pixels])
-            np.testing.assert_array_equal(simulated["start"], file["images/reference_db"][()].ravel()[pixels])
-            np.testing.assert_array_equal(simulated["calibrated"], made.final[0].pixels_db[name][target.order])
             assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
+
+
+def test_the_final_runs_have_the_texture_of_the_best_run(made, tmp_path):
+    """The picture is the run with fresh random numbers; each run's density is that of the target's pixels."""
+    *runs, last = made.history.runs
+    textured = replace(last, scores={**last.scores, "dyke": replace(last.scores["dyke"], looks=1.7)})
+    archive = made.gathered(tmp_path / "again.h5", history=History([*runs, textured]))
+    added = archive.images.calibrated_db - made.final[1].image_db
+    inside = np.zeros(added.size, dtype=bool)
+    inside[made.geometry.pixels("dyke")] = True
+    assert not added.ravel()[~inside].any()
+    looks = made.case.radar.looks
+    wanted = log_speckle_cumulants(1.7)[1] - log_speckle_cumulants(looks)[1]
+    assert added.ravel()[inside].var() == pytest.approx(wanted, rel=0.25)
+    dyke, beans = archive.materials["dyke"], archive.materials["stem beans"]
+    target = made.targets["dyke"]
+    pixels = archive.images.calibrated_db.ravel()[made.geometry.pixels("dyke")][target.order]
+    assert dyke.rms_fresh == skewnormal.density_rms(skewnormal.fit(pixels).dp, target.dp)
+    assert dyke.rms_final not in (dyke.rms_fresh, made.archive.materials["dyke"].rms_final)
+    target = made.targets["stem beans"]
+    each = [skewnormal.fit(run.pixels_db["stem beans"][target.order]).dp for run in made.final]
+    expected = [skewnormal.density_rms(dp, target.dp) for dp in each]
+    assert [beans.rms_final, beans.rms_fresh] == expected
 
 
 def test_how_it_ended(made):

@@ -67,7 +67,7 @@ def check_registration(
     targets: Mapping[str, Target],
     geometry: Geometry,
     registered: Registered,
-    calibrated_db: NDArray[np.float32] | None,
+    calibrated_db: NDArray[np.float32],
 ) -> Iterator[Finding]:
     """Register the measured image again, onto the image of the calibrated laws, and compare both registrations.
 
@@ -86,15 +86,15 @@ def check_registration(
         Geometry of the pass.
     registered : Registered
         Registered measured image.
-    calibrated_db : ndarray, shape (rows, columns), or None
-        Simulated image of the calibrated laws [dB]; None if there is none.
+    calibrated_db : ndarray, shape (rows, columns)
+        Simulated image of the calibrated laws [dB].
 
     Yields
     ------
     Finding
         Change of each material that has a law with a curve; none if the image was not moved.
     """
-    if calibrated_db is None or not registered.applied or registered.method != "gefolki":
+    if not registered.applied or registered.method != "gefolki":
         return
     change = moved_again(registered, calibrated_db)
     incidence = geometry.incidence_deg.astype(np.float64)

@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.conclusion import MaterialPixels
 from radcal.calibration.stopping import Decision
 from radcal.config import Case
 from radcal.errors import StoreError
@@ -98,8 +97,9 @@ class MaterialResult:
     ----------
     targets : mapping of str to Target
         Target density and its measured pixels, by the number of the pass that shows it.
-    simulated : MaterialPixels
-        Target's pixels in the reference run and both final runs.
+    rms_final, rms_fresh : float
+        Rms difference of the density of the final run with the common random numbers, and of that with fresh ones, from
+        the target's [1/dB or 1/IQR]; the second is NaN if both runs have equal pixels.
     textured : bool
         Material has far fewer looks than the image's homogeneous areas.
     level_only : bool
@@ -131,7 +131,8 @@ class MaterialResult:
     """
 
     targets: Mapping[str, Target]
-    simulated: MaterialPixels
+    rms_final: float
+    rms_fresh: float
     textured: bool
     level_only: bool
     best: int

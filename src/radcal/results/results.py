@@ -1,4 +1,4 @@
-"""Conclusion of a calibration, and its results in one archive."""
+"""Results of a calibration in one archive."""
 
 from __future__ import annotations
 
@@ -13,8 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.assessment.conclusion import conclude
+from radcal.assessment.conclusion import conclude, withheld
+from radcal.calibration.scoring import with_texture
 from radcal.calibration.steps import random_findings
+from radcal.calibration.stopping import decide
 from radcal.config.disclosure import disclosed
 from radcal.config.part import Part
 from radcal.findings import Finding
@@ -39,7 +41,8 @@ from radcal.results.law_notes import law_notes
 from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene, picture_step
 from radcal.seeds import derived_rng
-from radcal.storage.runs import Record
+from radcal.storage.run_index import record_of
+from radcal.storage.runs import Record, RunStore
 from radcal.targets.target import Targets, level_only
 
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
@@ -60,7 +63,7 @@ def archive_of(
     trained: Mapping[str, Training] = MappingProxyType({}),
     noted: Sequence[Finding] = (),
 ) -> Archive:
-    """Conclude a calibration (:func:`.conclude`) and collect its results.
+    """Collect the results of a calibration, with its findings (:func:`.conclude`).
 
     Parameters
     ----------
@@ -93,28 +96,48 @@ def archive_of(
     -------
     Archive
         Results, with the materials in the order of the configuration.
+
+    Raises
+    ------
+    StoreError
+        The record of the reference run is missing or holds no image.
     """
     images = [with_height_finding(passes[0], geometry, scene, case.radar), *passes[1:]]
+    seen, objectives = targets[0], make_objectives(case, targets)
+    final_db = final[1].image_db
+    assert final_db is not None  # noqa: S101 - the run is made with its image
     of_each = dict(zip(case.calibrated, posteriors, strict=True))
-    objectives = make_objectives(case, targets)
-    found = conclude(case, history, targets, objectives, geometry, runs, final[:2], of_each, image, images, noted)
-    best = {name: history.best(name) for name in targets[0]}
+    findings = conclude(case, history, targets, objectives, geometry, final_db, of_each, image, images, noted)
+    best = {name: history.best(name) for name in seen}
+    store, start = RunStore(runs), history.runs[0].keys[0]
+    reference = record_of(store, Path(runs).parent / "passes/1/reference.json", start, list(seen), image=True)
+    looks = {name: score.looks for name, score in best.items()}
+    calibrated, fresh = (
+        with_texture(run.pixels_db, objectives, looks, case.seed, fresh=number == 1)
+        for number, run in enumerate(final[:2])
+    )
+    final_scores, fresh_scores = seen.score(calibrated), seen.score(fresh)
+    calibrated_db = final_db.copy()
+    for name in seen:
+        calibrated_db.ravel()[geometry.pixels(name)] = fresh[name]
     laws = {
         name: np.array(best[name].parameters if name in best else material.start_parameters, dtype=np.float64)
         for name, material in case.materials.items()
     }
     fronts, hidden = search_fronts(objectives, history), images[0].measurement.hidden
-    notes = random_findings(case, history, targets[0], final[:2])
+    notes = random_findings(case, history, seen, final[:2])
     if (count := len(targets)) > 1:
         notes.append(Finding("passes_together", "note", "", {"passes": count}))
 
     def material(name: str) -> MaterialResult:
         unknown = [np.nan] * len(case.materials[name].parameter_names)
+        repeats = np.array_equal(final[0].pixels_db[name], final[1].pixels_db[name])
         scores = [run.scores[name] for run in history.runs]
         return MaterialResult(
             targets={str(k): one[name] for k, one in enumerate(targets, start=1) if name in one},
-            simulated=found.materials[name],
-            textured=targets[0].textured(name),
+            rms_final=final_scores[name][1],
+            rms_fresh=np.nan if repeats else fresh_scores[name][1],
+            textured=seen.textured(name),
             level_only=level_only(targets, name),
             best=history.runs.index(history.best_run(name)),
             parameters=np.array([score.parameters if score.own_law else unknown for score in scores], dtype=np.float64),
@@ -122,7 +145,7 @@ def archive_of(
             rms=np.array([score.rms for score in scores]),
             cost=_numbers(score.cost if score.own_law else None for score in scores),
             looks=_numbers(score.looks if score.own_law else None for score in scores),
-            posterior=found.posteriors[name],
+            posterior=withheld(of_each[name], findings),
             prior=prior_draws(objectives[name], derived_rng(case.seed, "prior", name)),
             hidden=np.array(hidden[name]) if name in hidden else None,
             fidelity=_fidelity(history.infill, name),
@@ -132,11 +155,11 @@ def archive_of(
 
     return Archive(
         config=json.dumps(disclosed(_as_written(case))),
-        decision=found.decision,
-        measured_looks=targets[0].looks,
+        decision=decide(history, list(seen), case.stop, case.objective),
+        measured_looks=seen.looks,
         notes=tuple(notes),
         law_notes=tuple(law_notes(case, geometry, laws)),
-        simulator=json.dumps(found.simulator),
+        simulator=json.dumps(store.description(start).get("simulator", {})),
         versions=json.dumps({"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}),
         names=tuple(geometry.names),
         runs=Runs(
@@ -150,18 +173,18 @@ def archive_of(
                 levels=targets[k].levels,
                 keys=np.array([run.keys[k] for run in history.runs]),
                 final_keys=tuple(record.key for record in final[2 * k : 2 * k + 2]),
-                rms={name: density.rms for name in targets[0] if (density := best[name].densities[k]) is not None},
+                rms={name: density.rms for name in seen if (density := best[name].densities[k]) is not None},
             )
             for k, one in enumerate(images)
         },
         image=image,
-        findings=tuple(found.findings),
+        findings=tuple(findings),
         scene=_scene(scene),
         laws=laws,
-        materials={name: material(name) for name in targets[0]},
+        materials={name: material(name) for name in seen},
         images=Images(
-            reference_db=found.reference_db,
-            calibrated_db=found.calibrated_db,
+            reference_db=reference.image_db,
+            calibrated_db=calibrated_db,
             material=geometry.material,
             incidence_deg=geometry.incidence_deg,
         ),

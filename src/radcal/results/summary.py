@@ -172,7 +172,7 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
     best, rms, x = material.best, material.rms, material.parameters
     configured, law = archive.configured.materials[name], archive.configured.laws[name]
     names = configured.parameter_names
-    target, simulated, ending = material.target, material.simulated, archive.decision.materials[name]
+    target, ending = material.target, archive.decision.materials[name]
     dp, counted = material.dp[best], np.isin(archive.runs.kind, ("design", "infill"))
     # a reference run with another law is never within the tolerance
     within = np.flatnonzero((rms <= archive.configured.stop.rms) & np.isfinite(x).all(axis=1))
@@ -195,8 +195,8 @@ def _material(archive: Archive, name: str, material: MaterialResult) -> dict[str
         "rms": rms[best],
         "mse": rms[best] ** 2,
         "rms_start": rms[0],
-        "rms_final": skewnormal.density_rms(simulated.calibrated_dp, target.dp),
-        "rms_fresh": skewnormal.density_rms(simulated.fresh_dp, target.dp) if simulated.differ else None,
+        "rms_final": material.rms_final,
+        "rms_fresh": material.rms_fresh,
         "rms_sampling": target.rms_sampling,
         "effective_pixels": target.effective,
         "left_out": target.left_out,
