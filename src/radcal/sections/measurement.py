@@ -46,28 +46,30 @@ class Synthetic(Section):
 
     seed: Seed = Field(2, description="seed of speckle, noise and warp")
     offset_db: Decibels = Field(0.0, description="offset of the whole image [dB]")
-    warp_px: Real = Field(2.0, ge=0, le=50, description="rms displacement from the simulated image [pixels]")
+    warp_px: Annotated[Real, Field(ge=0, le=50)] = Field(
+        2.0, description="rms displacement from the simulated image [pixels]"
+    )
     laws: dict[str, OtherLaw] = Field(
         default_factory=dict,
         description="hidden law by material, as {law, parameters}, if not that of section materials",
     )
-    relief_m: Real = Field(
-        0.0, ge=0, le=100, description="rms height of random relief in the image that the scene lacks [m]"
+    relief_m: Annotated[Real, Field(ge=0, le=100)] = Field(
+        0.0, description="rms height of random relief in the image that the scene lacks [m]"
     )
     relief_length_m: Length = Field(5.0, description="correlation length of this relief [m]")
-    resolution_factor: Real = Field(
-        1.0, ge=0.1, le=10, description="ratio of the image's resolutions to those of section radar"
+    resolution_factor: Annotated[Real, Field(ge=0.1, le=10)] = Field(
+        1.0, description="ratio of the image's resolutions to those of section radar"
     )
     looks: Looks | None = Field(None, description="number of looks; by default radar.looks")
     nesz_db: Decibels | None = Field(None, description="noise-equivalent sigma0 [dB]; by default radar.nesz_db")
-    texture_db: Real = Field(0.0, ge=0, le=20, description="standard deviation of gamma texture [dB]")
+    texture_db: Annotated[Real, Field(ge=0, le=20)] = Field(0.0, description="standard deviation of gamma texture [dB]")
     texture_length_m: Length = Field(10.0, description="correlation length of the gamma texture on the ground [m]")
     fields_db: dict[str, Annotated[Real, Field(ge=0, le=20)]] = Field(
         default_factory=dict,
         description="standard deviation of sigma0 between fields (connected areas), by material [dB]",
     )
-    wrong_labels: Real = Field(
-        0.0, ge=0, le=0.5, description="share of cells with a wrong material, half on borders, half in patches"
+    wrong_labels: Annotated[Real, Field(ge=0, le=0.5)] = Field(
+        0.0, description="share of cells with a wrong material, half on borders, half in patches"
     )
 
     product: Literal["intensity", "focused"] = Field(
@@ -229,9 +231,6 @@ class RegistrationConfig(Section):
     global_shift: bool = Field(
         False, description="whether phase correlation first estimates one shift of the whole image"
     )
-    max_displacement_px: Real = Field(
-        20.0,
-        gt=0,
-        le=1000,
-        description="largest plausible displacement [pixels], beyond which the image is used unregistered",
+    max_displacement_px: Annotated[Real, Field(gt=0, le=1000)] = Field(
+        20.0, description="largest plausible displacement [pixels], beyond which the image is used unregistered"
     )

@@ -30,25 +30,23 @@ class Ppi(Section):
     mast_m: Altitude = Field(30.0, description="height of the antenna above the ground [m]")
     power_w: Positive = Field(25_000.0, description="transmitted peak power [W]")
     pulse_us: Positive = Field(0.1, description="length of the transmitted pulse, before compression [us]")
-    gain_db: Real = Field(31.0, ge=0, le=80, description="gain of the antenna [dB]")
+    gain_db: Annotated[Real, Field(ge=0, le=80)] = Field(31.0, description="gain of the antenna [dB]")
     azimuth_beam_deg: _Angle = Field(1.2, description="one-way -3 dB width of the antenna's beam in azimuth [deg]")
     elevation_beam_deg: _Angle = Field(20.0, description="one-way -3 dB width of the beam in elevation [deg]")
-    tilt_deg: Real = Field(
-        -2.0, ge=-45, le=45, description="elevation of the beam's axis; negative below the horizontal [deg]"
+    tilt_deg: Annotated[Real, Field(ge=-45, le=45)] = Field(
+        -2.0, description="elevation of the beam's axis; negative below the horizontal [deg]"
     )
-    losses_db: Real = Field(3.0, ge=0, le=50, description="losses, both ways together [dB]")
-    noise_figure_db: Real = Field(5.0, ge=0, le=50, description="noise figure of the receiver [dB]")
+    losses_db: Annotated[Real, Field(ge=0, le=50)] = Field(3.0, description="losses, both ways together [dB]")
+    noise_figure_db: Annotated[Real, Field(ge=0, le=50)] = Field(5.0, description="noise figure of the receiver [dB]")
     prf_hz: Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
-    rotation_rpm: Real = Field(24.0, ge=0.01, le=1000, description="turns of the antenna in a minute")
-    pulses: Integer = Field(
-        10, ge=1, le=1000, description="number of pulses whose powers are averaged to one ray of the image"
+    rotation_rpm: Annotated[Real, Field(ge=0.01, le=1000)] = Field(24.0, description="turns of the antenna in a minute")
+    pulses: Annotated[Integer, Field(ge=1, le=1000)] = Field(
+        10, description="number of pulses whose powers are averaged to one ray of the image"
     )
     gate_m: Length = Field(15.0, description="length of a range gate, and range resolution [m]")
     range_m: Length = Field(1500.0, description="largest slant range [m]")
-    stc_m: Real = Field(
+    stc_m: Annotated[Real, Field(ge=0, le=1e6)] = Field(
         0.0,
-        ge=0,
-        le=1e6,
         description="range below which sensitivity time control multiplies echoes by the fourth power of range / stc_m "
         "[m]; 0 for none",
     )
@@ -57,17 +55,14 @@ class Ppi(Section):
         description="land clutter by material, which replaces law and speckle: rural, or rows of lowest depression "
         "[deg], mean sigma0 [dB] and Weibull spread, by falling depression",
     )
-    false_alarms: Real = Field(
-        1e-3, ge=1e-9, le=0.1, description="probability of a false alarm of the detector in uniform clutter"
+    false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
+        1e-3, description="probability of a false alarm of the detector in uniform clutter"
     )
-    training_gates: Integer = Field(
-        24,
-        ge=2,
-        le=1000,
-        description="number of gates, half on either side of the tested gate, whose mean power scales the threshold",
+    training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
+        24, description="number of gates, half on either side of the tested gate, whose mean power scales the threshold"
     )
-    guard_gates: Integer = Field(
-        2, ge=0, le=100, description="number of gates between the tested gate and the training gates, on either side"
+    guard_gates: Annotated[Integer, Field(ge=0, le=100)] = Field(
+        2, description="number of gates between the tested gate and the training gates, on either side"
     )
 
     @property
@@ -108,19 +103,20 @@ class Ppi(Section):
 class Gmti(Section):
     """Channels by which the radar of ``signals`` detects moving targets, and the detector."""
 
-    channels: Integer = Field(3, ge=2, le=16, description="number of receivers in line along the track")
+    channels: Annotated[Integer, Field(ge=2, le=16)] = Field(
+        3, description="number of receivers in line along the track"
+    )
     spacing_m: Length | None = Field(
         None, description="distance between the receivers [m]; by default the length of the antenna, signals.antenna_m"
     )
-    pulses: Integer = Field(16, ge=2, le=128, description="number of pulses of a coherent processing interval")
-    prf_hz: Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
-    false_alarms: Real = Field(
-        1e-6,
-        ge=1e-9,
-        le=0.1,
-        description="probability of a false alarm in one test, that of one gate, direction and velocity",
+    pulses: Annotated[Integer, Field(ge=2, le=128)] = Field(
+        16, description="number of pulses of a coherent processing interval"
     )
-    scans: Integer = Field(1, ge=1, le=1000, description="number of scans of the scene")
+    prf_hz: Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
+    false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
+        1e-6, description="probability of a false alarm in one test, that of one gate, direction and velocity"
+    )
+    scans: Annotated[Integer, Field(ge=1, le=1000)] = Field(1, description="number of scans of the scene")
     revisit_s: Positive = Field(2.0, description="time from scan to scan [s]")
     training_gates: Annotated[Integer, Field(ge=4, le=10_000)] | None = Field(
         None,
@@ -146,6 +142,6 @@ class Products(Section):
     make: Annotated[
         list[Literal["intensity", "complex", "gmti", "iq", "focused", "ppi"]], Field(min_length=1, max_length=6)
     ] = Field(["intensity"], description="products, named as in radcal simulate --product")
-    draws: Integer = Field(
-        0, ge=0, le=400, description="number of laws drawn from the posterior that are simulated, too"
+    draws: Annotated[Integer, Field(ge=0, le=400)] = Field(
+        0, description="number of laws drawn from the posterior that are simulated, too"
     )

@@ -55,8 +55,8 @@ class Radar(Section):
     earth: Literal["flat", "curved"] = Field(
         "flat", description="shape of the earth between track and scene; curved if incidence_deg is given"
     )
-    heading_deg: Real = Field(
-        0.0, ge=0, lt=360, description="heading of the track at the scene, clockwise from north [deg]; 0 is grid north"
+    heading_deg: Annotated[Real, Field(ge=0, lt=360)] = Field(
+        0.0, description="heading of the track at the scene, clockwise from north [deg]; 0 is grid north"
     )
     look_side: Literal["right", "left"] = Field(
         "right", description="side to which the radar looks: right (east of a northward track) or left"
@@ -238,15 +238,15 @@ class Signals(Section):
     mode: Literal["stripmap", "spotlight"] = Field(
         "stripmap", description="stripmap: the beam keeps its direction; spotlight: it follows the scene's middle"
     )
-    squint_deg: Real = Field(
-        0.0, ge=-60, le=60, description="angle of beam axis and processed band ahead of zero Doppler [deg]"
+    squint_deg: Annotated[Real, Field(ge=-60, le=60)] = Field(
+        0.0, description="angle of beam axis and processed band ahead of zero Doppler [deg]"
     )
     focusing: Literal["backprojection", "omega_k"] = Field(
         "backprojection",
         description="method of product focused: backprojection, for any track, or omega_k, for straight ones, with the "
         "package finufft of radcal[signals]",
     )
-    speed_mps: Real = Field(100.0, ge=1, le=1e4, description="speed of the platform [m/s]")
+    speed_mps: Annotated[Real, Field(ge=1, le=1e4)] = Field(100.0, description="speed of the platform [m/s]")
     prf_hz: Positive | None = Field(
         None,
         description="pulse rate [Hz]; by default 1.1 times the lowest at which no aliased echo falls into the image",
@@ -257,23 +257,20 @@ class Signals(Section):
         "of the band that radar.azimuth_resolution_m and radar.looks need, in spotlight mode at the scene's "
         "corners",
     )
-    gain_db: Real = Field(30.0, ge=0, le=100, description="gain of the antenna, one way [dB]")
+    gain_db: Annotated[Real, Field(ge=0, le=100)] = Field(30.0, description="gain of the antenna, one way [dB]")
     pulse_us: Positive = Field(10.0, description="length of the transmitted chirp [us]")
     power_w: Positive | None = Field(
         None,
         description="transmitted peak power [W]; by default that for a noise of radar.nesz_db in the scene's middle",
     )
-    noise_figure_db: Real = Field(
-        4.0, ge=0, le=30, description="noise figure of the receiver with its losses [dB]; used only with power_w"
+    noise_figure_db: Annotated[Real, Field(ge=0, le=30)] = Field(
+        4.0, description="noise figure of the receiver with its losses [dB]; used only with power_w"
     )
     bits: Annotated[Integer, Field(ge=2, le=16)] | None = Field(
         None, description="bits of the converter for each of I and Q; by default the signal is not quantised"
     )
-    motion_m: Real = Field(
-        0.0,
-        ge=0,
-        le=100,
-        description="rms deviation of the track from a straight line, in ground range and in height [m]",
+    motion_m: Annotated[Real, Field(ge=0, le=100)] = Field(
+        0.0, description="rms deviation of the track from a straight line, in ground range and in height [m]"
     )
     motion_length_m: Positive = Field(
         200.0, description="standard deviation of the Gaussian filter that smooths this deviation along the track [m]"

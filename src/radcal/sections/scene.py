@@ -35,8 +35,10 @@ def _ordered(bounds: tuple[float, float, float, float]) -> tuple[float, float, f
 class Permittivity(Section):
     """Relative permittivities (real part) that reduce the double bounce between walls and ground."""
 
-    wall: Real = Field(gt=1, le=100, description="relative permittivity of the walls")
-    ground: Real = Field(gt=1, le=100, description="relative permittivity of the ground in front of the walls")
+    wall: Annotated[Real, Field(gt=1, le=100)] = Field(description="relative permittivity of the walls")
+    ground: Annotated[Real, Field(gt=1, le=100)] = Field(
+        description="relative permittivity of the ground in front of the walls"
+    )
 
     @property
     def pair(self) -> tuple[float, float]:
@@ -47,9 +49,9 @@ class Permittivity(Section):
 class GeneratedObjects(Section):
     """Numbers of the objects that radcal generates at random positions, uniformly distributed over the scene."""
 
-    trees: Integer = Field(0, ge=0, le=10_000_000, description="number of trees")
-    cars: Integer = Field(0, ge=0, le=10_000_000, description="number of cars")
-    buildings: Integer = Field(0, ge=0, le=10_000_000, description="number of buildings")
+    trees: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of trees")
+    cars: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of cars")
+    buildings: Annotated[Integer, Field(ge=0, le=10_000_000)] = Field(0, description="number of buildings")
     seed: Seed = Field(1, description="seed of the positions and sizes of the objects")
 
     @model_validator(mode="after")
@@ -154,8 +156,12 @@ class SlantRangeScene(SceneSection):
     source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
     labels: str = Field(description="GeoTIFF of material ids; 0 means no material")
     names: str = Field(description="JSON file of material names by id")
-    near_incidence_deg: Real = Field(gt=0, lt=90, description="local incidence angle at the first row [deg]")
-    far_incidence_deg: Real = Field(gt=0, lt=90, description="local incidence angle at the last row [deg]")
+    near_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
+        description="local incidence angle at the first row [deg]"
+    )
+    far_incidence_deg: Annotated[Real, Field(gt=0, lt=90)] = Field(
+        description="local incidence angle at the last row [deg]"
+    )
 
     vrt_folders: VrtFolders = None
 
@@ -187,10 +193,8 @@ class GridScene(SceneSection):
     vertical_datum: str | None = Field(
         None, description="vertical datum of the heights, such as EGM96; required if their CRS names none"
     )
-    elevation_error_m: Real = Field(
+    elevation_error_m: Annotated[Real, Field(ge=0, le=100)] = Field(
         0.0,
-        ge=0,
-        le=100,
         description="standard error of a height relative to its neighbours [m]; the error of rounded heights is added",
     )
     vrt_folders: VrtFolders = None

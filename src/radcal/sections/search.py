@@ -21,7 +21,7 @@ class Design(Section):
         description="number of runs; auto: 2, or at least 8 without a baseline (as with law: external); 0 needed the "
         "fewest runs in tests (docs/right_law.md); larger designs contain smaller ones",
     )
-    chunk: Integer = Field(4, ge=1, le=1000, description="number of design runs in one workflow job")
+    chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(
         None, description="earlier case with the same scene and simulator, whose runs are reused"
     )
@@ -55,8 +55,12 @@ class Optimiser(Section):
     )
     # Platypus sorts in pure Python: its time grows in proportion to evaluations times population. The least-squares
     # fit and the multi-start search compensate for a small population.
-    population: Integer = Field(40, ge=4, le=10_000, description="number of solutions in a generation")
-    evaluations: Integer = Field(1600, ge=1, le=10_000_000, description="number of evaluations of the surrogate")
+    population: Annotated[Integer, Field(ge=4, le=10_000)] = Field(
+        40, description="number of solutions in a generation"
+    )
+    evaluations: Annotated[Integer, Field(ge=1, le=10_000_000)] = Field(
+        1600, description="number of evaluations of the surrogate"
+    )
     polish: bool = Field(True, description="whether a least-squares fit on the surrogate refines NSGA-II's best point")
 
 
@@ -73,11 +77,8 @@ class Infill(Section):
 class Stop(Section):
     """Criteria that end the search; after a change, no finished run is repeated."""
 
-    rms: Real = Field(
-        1.0e-5,
-        gt=0,
-        le=100,
-        description="tolerance of the rms difference between the densities [1/dB]; only for objective: density",
+    rms: Annotated[Real, Field(gt=0, le=100)] = Field(
+        1.0e-5, description="tolerance of the rms difference between the densities [1/dB]; only for objective: density"
     )
     max_runs: Count = Field(200, description="largest total number of design and infill runs")
     max_hours: Annotated[Real, Field(gt=0, le=1_000_000)] | None = Field(

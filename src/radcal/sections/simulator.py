@@ -51,10 +51,8 @@ class PythonSimulation(Section):
     kind: str = Field(description=_KIND)
     keep_images: KeepImages = False
     draws: Draws = Field(1, description=_DRAWS)
-    strips: Integer = Field(
+    strips: Annotated[Integer, Field(ge=1, le=1000)] = Field(
         1,
-        ge=1,
-        le=1000,
         description="number of strips in azimuth, of 256 or more rows of the scene; each has its own job for the "
         "geometry",
     )
@@ -230,7 +228,7 @@ class CommandSimulation(Section):
         default_factory=dict, description="further environment variables of the program"
     )
     timeout_s: Timeout = Field(3600.0, description="largest duration of a run [s], after which it is killed")
-    retries: Integer = Field(0, ge=0, le=20, description="number of further attempts of a failed run")
+    retries: Annotated[Integer, Field(ge=0, le=20)] = Field(0, description="number of further attempts of a failed run")
     retry_wait_s: RetryWait = Field(1.0, description="wait before the first retry [s]; it doubles with each")
     accept_exit_codes: Annotated[list[Annotated[Integer, Field(ge=-64, le=255)]], Field(min_length=1)] = Field(
         default_factory=lambda: [0],
@@ -239,8 +237,8 @@ class CommandSimulation(Section):
     deterministic: bool | None = Field(
         None, description="whether equal parameters and seed give equal images; by default a second run tests it"
     )
-    seed_bits: Integer = Field(
-        31, ge=8, le=63, description="number of bits of {noise_seed}; by default those of a C int"
+    seed_bits: Annotated[Integer, Field(ge=8, le=63)] = Field(
+        31, description="number of bits of {noise_seed}; by default those of a C int"
     )
     seedless: bool = Field(
         False, description="whether the program uses no seed; the rms with fresh speckle is then not reported"

@@ -25,8 +25,8 @@ class TargetConfig(Section):
             json_schema_input_type=Annotated[int, Field(ge=50, le=ALL_PIXELS)] | Literal["all"],
         ),
     ] = Field(1000, description="number of pixels per material, drawn at random, or all")
-    margin_px: Integer = Field(
-        1, ge=0, le=100, description="distance from another material up to which pixels are masked [pixels]"
+    margin_px: Annotated[Integer, Field(ge=0, le=100)] = Field(
+        1, description="distance from another material up to which pixels are masked [pixels]"
     )
     fit: Literal["likelihood", "penalised"] = Field(
         "likelihood",
@@ -70,8 +70,8 @@ class TargetConfig(Section):
 class Uncertainty(Section):
     """Uncertainty budget of the laws, and its sampler (docs/uncertainty.md)."""
 
-    known_db: Real = Field(
-        1.5, gt=0, le=20, description="half-width of the 90 % band up to which sigma0 counts as determined [dB]"
+    known_db: Annotated[Real, Field(gt=0, le=20)] = Field(
+        1.5, description="half-width of the 90 % band up to which sigma0 counts as determined [dB]"
     )
     level_db: Error = Field(
         0.33,
@@ -79,25 +79,19 @@ class Uncertainty(Section):
         "sigma)",
     )
     noise_db: Error = Field(2.0, description="standard error of radar.nesz_db [dB]")
-    field_db: Real = Field(
+    field_db: Annotated[Real, Field(gt=0, le=20)] = Field(
         0.5,
-        gt=0,
-        le=20,
         description="median of the log-normal prior (log sd 1) on the standard deviation of levels between fields [dB]",
     )
     fixed_law_db: Error = Field(
         1.0, description="scale of the half-normal prior on the standard deviation of errors of fixed laws [dB]"
     )
-    fixed_slope: Real = Field(
+    fixed_slope: Annotated[Real, Field(ge=0, le=10)] = Field(
         0.2,
-        ge=0,
-        le=10,
         description="standard deviation of the slope of a fixed law's error per 10 degrees, as a share of the error",
     )
-    form_db: Real = Field(
+    form_db: Annotated[Real, Field(gt=0, le=20)] = Field(
         0.5,
-        gt=0,
-        le=20,
         description="scale of the half-normal prior on the standard deviation of the error of a law's form [dB], which "
         "is smooth over 8 degrees",
     )
@@ -109,21 +103,15 @@ class Uncertainty(Section):
     point_spread: Share = Field(
         0.1, description="relative standard error of the resolutions, which change a law's slope"
     )
-    incidence_error: Real = Field(
-        0.3, ge=0, le=3, description="relative standard error of target.incidence_error_deg (of its logarithm)"
+    incidence_error: Annotated[Real, Field(ge=0, le=3)] = Field(
+        0.3, description="relative standard error of target.incidence_error_deg (of its logarithm)"
     )
-    incidence_floor_deg: Real = Field(
-        0.2,
-        ge=0,
-        le=30,
-        description="standard error of an offset of the local incidence, which all pixels of a pass share [deg]",
+    incidence_floor_deg: Annotated[Real, Field(ge=0, le=30)] = Field(
+        0.2, description="standard error of an offset of the local incidence, which all pixels of a pass share [deg]"
     )
-    walkers: Integer = Field(128, ge=32, le=1000, description="number of walkers of the sampler")
-    steps: Integer = Field(
-        4000,
-        ge=100,
-        le=100_000,
-        description="largest number of steps of each walker; a warning says if the chains have not converged",
+    walkers: Annotated[Integer, Field(ge=32, le=1000)] = Field(128, description="number of walkers of the sampler")
+    steps: Annotated[Integer, Field(ge=100, le=100_000)] = Field(
+        4000, description="largest number of steps of each walker; a warning says if the chains have not converged"
     )
 
 
