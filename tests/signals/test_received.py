@@ -41,8 +41,8 @@ def delays(sent, received, place):
     return (np.linalg.norm(sent - place, axis=1) + np.linalg.norm(received - place, axis=1)) / LIGHT
 
 
-def written(path, domain="FX", sign=-1, layout="CF8", **changes):
-    """Spotlight collection of some points, by the formulas of the standard alone."""
+def written(path, domain="FX", sign=-1, layout="CF8", without="", spoil=lambda vectors, signal: None, **changes):
+    """Spotlight collection of some points, by the formulas of the standard alone, after a channel of another size."""
     time, _, velocity, sent, received = collected()
     places = ORIGIN + POINTS @ np.stack([EAST, NORTH, UP])
     reference = delays(sent, received, ORIGIN)
@@ -61,6 +61,7 @@ def written(path, domain="FX", sign=-1, layout="CF8", **changes):
     names = [("TxTime", 1), ("TxPos", 3), ("TxVel", 3), ("RcvTime", 1), ("RcvPos", 3), ("RcvVel", 3), ("SRPPos", 3)]
     names += [(name, 1) for name in ("AmpSF", "aFDOP", "aFRR1", "aFRR2", "FX1", "FX2", "TOA1", "TOA2", "TDTropoSRP")]
     names += [("SC0", 1), ("SCSS", 1), ("SIGNAL", 1)]
+    names = [one for one in names if one[0] != without]
     offsets = np.cumsum([0, *(size for _, size in names)])
     root = etree.Element(f"{{{SPACE}}}CPHD", nsmap={None: SPACE})
     tree, half, toa = cphd.ElementWrapper(root), np.array([40.0, 40.0]), 1.5e-7
@@ -81,10 +82,16 @@ def written(path, domain="FX", sign=-1, layout="CF8", **changes):
         "ImageArea": {"X1Y1": -half, "X2Y2": half},
         "ImageAreaCornerPoints": wgs84.cartesian_to_geodetic(corners)[:, :2],
     }  # fmt: skip
+    size = 8 * int(offsets[-1])
+    channels = [("HV", 5, 16), ("VV", time.size, samples)] if layout == "CF8" else [("VV", time.size, samples)]
+    before = np.cumsum([[0, 0], *([8 * rows * columns, size * rows] for _, rows, columns in channels)], axis=0)
     tree["Data"] = {
-        "SignalArrayFormat": layout, "NumBytesPVP": 8 * int(offsets[-1]), "NumCPHDChannels": 1,
-        "Channel": [{"Identifier": "VV", "NumVectors": time.size, "NumSamples": samples, "SignalArrayByteOffset": 0,
-                     "PVPArrayByteOffset": 0}],
+        "SignalArrayFormat": layout, "NumBytesPVP": size, "NumCPHDChannels": len(channels),
+        "Channel": [
+            {"Identifier": name, "NumVectors": rows, "NumSamples": columns, "SignalArrayByteOffset": int(at[0]),
+             "PVPArrayByteOffset": int(at[1])}
+            for (name, rows, columns), at in zip(channels, before[:-1], strict=True)
+        ],
         "NumSupportArrays": 0,
     }  # fmt: skip
     tree["Channel"] = {
@@ -112,8 +119,9 @@ def written(path, domain="FX", sign=-1, layout="CF8", **changes):
     unit = (sent + received) / 2.0 - ORIGIN
     closing = np.sum(velocity * unit, axis=1) / np.linalg.norm(unit, axis=1)
     vectors["aFDOP"], vectors["aFRR1"], vectors["aFRR2"] = -2.0 * closing / LIGHT, 2.0 * middle / LIGHT, 2.0 / LIGHT
-    vectors["FX1"], vectors["FX2"], vectors["TOA1"], vectors["TOA2"] = LOW, HIGH, -toa, toa
-    vectors["SC0"], vectors["SCSS"] = axis[0], axis[1] - axis[0]
+    values = {"FX1": LOW, "FX2": HIGH, "TOA1": -toa, "TOA2": toa, "SC0": axis[0], "SCSS": axis[1] - axis[0]}
+    for name in values.keys() - {without}:
+        vectors[name] = values[name]
     vectors["SIGNAL"][3] = 0  # a pulse that was lost
     signal[3] = np.nan if layout == "CF8" else 0.0
     array = signal.astype(np.complex64)
@@ -124,6 +132,7 @@ def written(path, domain="FX", sign=-1, layout="CF8", **changes):
         array = np.zeros(signal.shape, [("real", kind), ("imag", kind)])
         array["real"], array["imag"] = (np.rint(part / scale[:, None]) for part in (signal.real, signal.imag))
     root.append(cphd.compute_reference_geometry(whole, pvps=vectors))
+    spoil(vectors, array)
     with path.open("wb") as file, cphd.Writer(file, cphd.Metadata(xmltree=whole)) as writer:
         writer.write_signal("VV", array)
         writer.write_pvp("VV", vectors)
@@ -187,16 +196,85 @@ def test_own_files_give_back_the_image(forward_of, with_point, tmp_path, signals
         assert 84.0 < cut.max() < 102.0  # two-way beam of -8 dB at the edges of the band
 
 
+def test_a_part_of_the_image_has_the_pixels_of_the_whole(tmp_path):
+    """Also where every second pulse is lost, and far fewer pulses are in memory at once."""
+
+    def lost(vectors, signal):
+        vectors["SIGNAL"][::2] = 0
+        signal[::2] = np.nan
+
+    written(tmp_path / "other.cphd", spoil=lost)
+    place = wgs84.cartesian_to_geodetic(ORIGIN + 20.0 * EAST - 15.0 * NORTH)
+    parts = [{}, {"size_m": 12.0, "centre": (float(place[0]), float(place[1]))}]
+    images = []
+    for number, part in enumerate(parts):
+        path = write_image(tmp_path / "other.cphd", tmp_path / str(number), 0.5, **part)[0]
+        with h5py.File(path) as file:
+            images.append((file["image"][()], file.attrs["first_m"]))
+    (whole, first), (image, low) = images
+    assert image.shape == (24, 24)
+    assert low == pytest.approx([14.25, -20.75], abs=1e-3)
+    row, column = np.rint((low - first) / 0.5).astype(int)
+    np.testing.assert_allclose(image, whole[row : row + 24, column : column + 24], atol=1e-3 * np.abs(whole).max())
+    with pytest.raises(ConfigError, match=r"--centre is .* m from the reference point, outside of the image area"):
+        write_image(tmp_path / "other.cphd", tmp_path, size_m=5.0, centre=(float(LLH[0]) + 1.0, float(LLH[1])))
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("FX1", np.nan, r"\(FX1 is no number in some vectors\)"),
+        ("SIGNAL", 0, "has 0 pulses with a signal, expected 2 or more"),
+        ("SC0", 1e3, r"SC0 is 1000 Hz, expected samples between FX1 and FX2, 9.4e\+09 to 9.7e\+09"),
+        ("SCSS", -1e6, "differ in their frequencies"),
+        ("TxPos", ORIGIN, "go back along the track, expected an advance"),
+    ],
+)
+def test_parameters_of_vectors_that_cannot_be_right_are_told(tmp_path, name, value, told):
+    def spoil(vectors, signal):
+        vectors[name] = value
+        if name == "TxPos":
+            vectors["RcvPos"] = value
+
+    written(tmp_path / "other.cphd", spoil=spoil)
+    with pytest.raises(ConfigError, match=f"other.cphd: .*{told}"):
+        read_cphd(tmp_path / "other.cphd")
+
+
+def test_samples_that_are_no_numbers_are_told(tmp_path):
+    def spoil(vectors, signal):
+        signal[7, 100] = np.inf
+
+    written(tmp_path / "other.cphd", spoil=spoil)
+    with pytest.raises(ConfigError, match="vector 7 of channel 'VV' has samples that are no number"):
+        write_image(tmp_path / "other.cphd", tmp_path, 2.0)
+
+
 def test_files_that_cannot_be_focused_are_told(tmp_path):
     path = tmp_path / "other.cphd"
     path.write_bytes(b"CPHD/1.1.0\nnothing")
     with pytest.raises(ConfigError, match=r"other.cphd: no readable CPHD file"):
         read_cphd(path)
     written(path)
-    with pytest.raises(ConfigError, match=r"has no channel 'HH', expected 'VV'"):
+    with pytest.raises(ConfigError, match=r"has no channel 'HH', expected 'HV' or 'VV'"):
         read_cphd(path, "HH")
     with pytest.raises(ConfigError, match=r"6.4e\+13 pixels of 1e-05 m, expected a spacing of at least 0.008 m"):
         write_image(path, tmp_path, 1e-5)
+    good = path.read_bytes()
+    for wrong, told in [
+        (good.replace(b"XML_BLOCK_SIZE := ", b"XML_BLOCK_SIZE := 9999999"), r"XML_BLOCK_SIZE is 9999999\d+, expected"),
+        (good.replace(b"NumVectors>", b"NumVectorz>"), r"\(an element of its metadata is missing or empty\)"),
+        (good.replace(b"SGN>-1<", b"SGN> 0<"), "SGN is 0, expected -1 or 1"),
+        (good.replace(b"IARP>", b"IARQ>"), r"\(SceneCoordinates/IARP/ECF is missing\)"),
+        (b"CPHD/1.1.0\n" + bytes(1 << 17), r"\(it does not begin with a header of CPHD 1.x\)"),
+    ]:
+        path.write_bytes(wrong)
+        with pytest.raises(ConfigError, match=f"other.cphd: .*{told}"):
+            read_cphd(path)
+    written(path, without="SCSS")
+    with pytest.raises(ConfigError, match=r"other.cphd: no readable CPHD file \(no field of name SCSS\)"):
+        read_cphd(path)
+    written(path)
     path.write_bytes(path.read_bytes()[:-1000])  # pulse parameters lie before the signal
     with pytest.raises(ConfigError, match=r"other.cphd: no readable CPHD file \(Expected"):
         read_cphd(path)

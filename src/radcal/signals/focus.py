@@ -16,7 +16,7 @@ from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
-from radcal.signals.history import BEAM, TAPS, beam_table, cell_before, converted, grid_kernel, turned
+from radcal.signals.history import BEAM, BLOCK, TAPS, beam_table, cell_before, converted, grid_kernel, turned
 from radcal.signals.places import image_places
 from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, collection
 from radcal.signals.record import Pulses, kept, signal_of
@@ -28,7 +28,7 @@ from radcal.storage.files import atomic
 
 _ALONG_THE_GROUND = ("sigma0_local", "gamma0_rtc")
 _STRIP = 256  # columns of the image that are focused at once
-_PULSES = 512  # pulses that are in memory at once, the same for any number of threads
+_PULSES, _SAMPLES = 512, 1 << 22  # pulses and, of 64 pulses or more, samples that are in memory at once
 
 
 def range_profiles(one: Collection, signal: NDArray[np.complex64]) -> NDArray[np.complex64]:
@@ -115,8 +115,9 @@ def backprojected(one: Collection, signal: Pulses, place_m: NDArray[np.float64])
     place_m = np.ascontiguousarray(place_m)
     sums, total = np.zeros((one.looks, len(place_m)), np.complex128), np.zeros((one.looks, len(place_m)))
     a, b = pulses_of(one, place_m)
-    for first in range(int(a.min()), int(b.max()), _PULSES):
-        some = slice(first, min(first + _PULSES, int(b.max())))
+    pulses = min(_PULSES, max(_SAMPLES // one.samples, BLOCK))  # the order of sums does not depend on it
+    for first in range(int(a.min()), int(b.max()), pulses):
+        some = slice(first, min(first + pulses, int(b.max())))
         low, high = (np.clip(ends, some.start, some.stop) - some.start for ends in (a, b))
         profiles = range_profiles(one, converted(signal[some], one.bits))
         _backproject(

@@ -7,6 +7,7 @@ NGA.STND.0068-1, "Compensated Phase History Data (CPHD) design and implementatio
 
 from __future__ import annotations
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,9 @@ from radcal.signals.focus import backprojected, write_power
 from radcal.signals.platform import LIGHT_MPS, Collection
 from radcal.storage.files import atomic
 
+_HEADER = 1 << 16  # bytes within which the header of a file ends
+_XML = 1 << 26  # bytes of a file's metadata
+_VECTOR = ("TxTime", "TxPos", "RcvPos", "SRPPos", "FX1", "FX2", "SC0", "SCSS")  # parameters that are used
 _WIDE = 100.0  # times the processed band is the beam of a file, so that it divides nothing out
 _EVEN = 1e-9  # relative difference of frequencies between pulses, below which they are the same
 _LARGEST = 100_000_000  # pixels of an image
@@ -73,17 +77,23 @@ class Received:
         from sarkit import cphd
 
         numbers, scale = self.numbers[pulses], self.scale[pulses, None]
+        runs = np.split(numbers, np.flatnonzero(np.diff(numbers) > 1) + 1)  # vectors between them need no memory
         with self.path.open("rb") as file, cphd.Reader(file) as reader:
-            read = reader.read_signal(self.channel, start_vector=int(numbers[0]), stop_vector=int(numbers[-1]) + 1)[
-                numbers - numbers[0]
-            ]
+            ends = [{"start_vector": int(run[0]), "stop_vector": int(run[-1]) + 1} for run in runs]
+            read = np.concatenate([reader.read_signal(self.channel, **run) for run in ends])
         signal = (read["real"].astype(np.float64) + 1j * read["imag"] if read.dtype.names else read) * scale
         signal = signal if self.sign < 0 else signal.conj()
         if self.delay is not None:
             turns = np.multiply.outer(self.delay[pulses], self.kept * self.one.step_hz)
             signal = np.fft.fft(signal, axis=1)[:, self.kept % signal.shape[1]] * np.exp(-2j * np.pi * turns)
-            return np.asarray(signal * (self.kept.size / read.shape[1]), np.complex64)
-        return np.asarray(signal[:, self.kept], np.complex64)
+            signal *= self.kept.size / read.shape[1]
+        else:
+            signal = signal[:, self.kept]
+        if (wrong := numbers[~np.isfinite(signal).all(axis=1)]).size:
+            raise ConfigError(
+                f"{self.path}: vector {wrong[0]} of channel {self.channel!r} has samples that are no number."
+            )
+        return np.asarray(signal, np.complex64)
 
     def places_m(self, rows_m: Doubles, columns_m: Doubles) -> Doubles:
         """Places of a grid of the image plane in the coordinates of ``one``, shape (rows, columns, 3)."""
@@ -104,37 +114,74 @@ def read_cphd(path: Path, channel: str | None = None) -> Received:
     Raises
     ------
     ConfigError
-        The file is no CPHD file, or is bistatic, compressed, or has frequencies that differ from pulse to pulse.
+        The file is no CPHD file, lacks what is needed, is bistatic or compressed, or has frequencies that differ from
+        pulse to pulse.
     """
     from lxml import etree
-    from sarkit import cphd
 
     try:
-        with path.open("rb") as file, cphd.Reader(file) as reader:
+        return _read(path, channel)
+    except (
+        OSError, ValueError, LookupError, TypeError, AttributeError, SyntaxError, RuntimeError, MemoryError,
+        etree.LxmlError,
+    ) as error:  # fmt: skip
+        missing = isinstance(error, TypeError | AttributeError)
+        what = "an element of its metadata is missing or empty" if missing else error
+        raise ConfigError(f"{path}: no readable CPHD file ({what}).") from None
+
+
+def _metadata(path: Path, channel: str | None) -> tuple[Any, str, NDArray[Any]]:
+    """Metadata, identifier of the channel, and the parameters of its vectors."""
+    from sarkit import cphd
+
+    with path.open("rb") as file:
+        head = file.read(_HEADER)
+        if not head.startswith(b"CPHD/1.") or b"\f\n" not in head:
+            raise ValueError("it does not begin with a header of CPHD 1.x")
+        _, sizes = cphd.read_file_header(io.BytesIO(head))
+        if int(sizes["XML_BLOCK_SIZE"]) > _XML:
+            raise ValueError(f"XML_BLOCK_SIZE is {sizes['XML_BLOCK_SIZE']}, expected at most {_XML}")
+        file.seek(0)
+        with cphd.Reader(file) as reader:
             helper = cphd.XmlHelper(reader.metadata.xmltree)
             channels = [one.text for one in reader.metadata.xmltree.findall("{*}Data/{*}Channel/{*}Identifier")]
-            asked = channel or helper.load("{*}Channel/{*}RefChId")
-            vectors = reader.read_pvps(asked) if asked in channels else None
+            asked = channel or _of(helper, "{*}Channel/{*}RefChId")
+            if asked not in channels:
+                expected = " or ".join(map(repr, channels))
+                raise ConfigError(f"{path}: has no channel {asked!r}, expected {expected}.")
             if helper.load("{*}Data/{*}SignalCompressionID") is not None:
                 raise ConfigError(f"{path}: its signal is compressed, expected arrays of numbers.")
-            if vectors is not None:  # the file is not cut off
-                reader.read_signal(asked, start_vector=len(vectors) - 1)
-    except (OSError, ValueError, KeyError, RuntimeError, etree.LxmlError) as error:
-        raise ConfigError(f"{path}: no readable CPHD file ({error}).") from None
-    if vectors is None:
-        raise ConfigError(f"{path}: has no channel {asked!r}, expected {' or '.join(map(repr, channels))}.")
-    if helper.load("{*}CollectionID/{*}CollectType") != "MONOSTATIC":
-        raise ConfigError(f"{path}: CollectType is BISTATIC, expected MONOSTATIC.")
-    names = vectors.dtype.names
+            vectors = reader.read_pvps(asked)
+            reader.read_signal(asked, start_vector=len(vectors) - 1)  # the file is not cut off
+    if (kind := helper.load("{*}CollectionID/{*}CollectType")) != "MONOSTATIC":
+        raise ConfigError(f"{path}: CollectType is {kind}, expected MONOSTATIC.")
+    return helper, asked, vectors
+
+
+def _of(helper: Any, where: str) -> Any:
+    """Value of an element of the metadata, which must be there."""
+    if (value := helper.load(where)) is None:
+        raise ValueError(f"{where.replace('{*}', '')} is missing")
+    return value
+
+
+def _read(path: Path, channel: str | None) -> Received:
+    helper, asked, vectors = _metadata(path, channel)
+    names = vectors.dtype.names or ()
     numbers = np.flatnonzero(vectors["SIGNAL"] == 1) if "SIGNAL" in names else np.arange(len(vectors))
-    vectors = vectors[numbers]
+    if len(vectors := vectors[numbers]) < 2:
+        raise ConfigError(f"{path}: channel {asked!r} has {len(vectors)} pulses with a signal, expected 2 or more.")
+    scale = vectors["AmpSF"] if "AmpSF" in names else np.ones(len(vectors))
+    for name, values in [("AmpSF", scale), *((name, vectors[name]) for name in _VECTOR)]:
+        if not np.isfinite(values).all():
+            raise ValueError(f"{name} is no number in some vectors")
     low, high = float(vectors["FX1"].max()), float(vectors["FX2"].min())
     step, start = float(vectors["SCSS"][0]), vectors["SC0"]
-    arrival = helper.load("{*}Global/{*}DomainType") == "TOA"
+    arrival = _of(helper, "{*}Global/{*}DomainType") == "TOA"
     even = [vectors["SCSS"], vectors["FX1"] + vectors["FX2"] if arrival else start]
-    if len(vectors) < 2 or low >= high or any(np.ptp(each) > _EVEN * abs(each[0]) for each in even):
+    if low >= high or step <= 0.0 or any(np.ptp(each) > _EVEN * abs(each[0]) for each in even):
         raise ConfigError(f"{path}: pulses of channel {asked!r} differ in their frequencies, expected the same in all.")
-    samples = int(helper.load(f"{{*}}Data/{{*}}Channel[{{*}}Identifier='{asked}']/{{*}}NumSamples"))
+    samples = int(_of(helper, f"{{*}}Data/{{*}}Channel[{{*}}Identifier='{asked}']/{{*}}NumSamples"))
     if arrival:  # its spectrum is about the middle of the band
         step, middle = 1.0 / (samples * step), 0.5 * (low + high)
         half = min(int(0.5 * (high - low) / step + 1e-6), (samples - 1) // 2)
@@ -143,11 +190,20 @@ def read_cphd(path: Path, channel: str | None = None) -> Received:
     else:
         frequency = start[0] + np.arange(samples) * step
         kept = np.flatnonzero((frequency > low - 0.5 * step) & (frequency < high + 0.5 * step))
+        if kept.size < 2:
+            raise ConfigError(
+                f"{path}: SC0 is {start[0]:g} Hz, expected samples between FX1 and FX2, {low:g} to {high:g}."
+            )
         first_hz = float(frequency[kept[0]])
-    scale = vectors["AmpSF"] if "AmpSF" in names else np.ones(len(vectors))
     origin, plane, ends = _image_plane(helper)
     one, axes = _collection(helper, asked, vectors, origin, (first_hz, step, kept.size))
-    sign, delay = int(helper.load("{*}Global/{*}SGN")), start if arrival else None
+    if (sign := int(_of(helper, "{*}Global/{*}SGN"))) not in (-1, 1):
+        raise ConfigError(f"{path}: SGN is {sign}, expected -1 or 1.")
+    if (np.diff(one.track_m[:, 0]) <= 0.0).any():
+        raise ConfigError(
+            f"{path}: TxPos and RcvPos of channel {asked!r} go back along the track, expected an advance."
+        )
+    delay = start if arrival else None
     return Received(path, asked, one, origin, axes, plane, ends, numbers, kept, scale, sign, delay)
 
 
@@ -160,7 +216,7 @@ def _collection(
     """
     centre, count = 0.5 * (vectors["TxPos"] + vectors["RcvPos"]), len(vectors)
     along = centre[-1] - centre[0]
-    along /= np.linalg.norm(along)
+    along /= np.linalg.norm(along) or 1.0
     line = origin - centre[count // 2]
     line -= (line @ along) * along
     line /= np.linalg.norm(line)
@@ -188,8 +244,8 @@ def _collection(
 
 def _at_reference(helper: Any, channel: str, kind: str) -> float:
     """Time of the middle of a channel's aperture (``COD``) or its length (``Dwell``) at the reference point [s]."""
-    name = helper.load(f"{{*}}Channel/{{*}}Parameters[{{*}}Identifier='{channel}']/{{*}}DwellTimes/{{*}}{kind}Id")
-    poly = helper.load(f"{{*}}Dwell/{{*}}{kind}Time[{{*}}Identifier='{name}']/{{*}}{kind}TimePoly")
+    name = _of(helper, f"{{*}}Channel/{{*}}Parameters[{{*}}Identifier='{channel}']/{{*}}DwellTimes/{{*}}{kind}Id")
+    poly = _of(helper, f"{{*}}Dwell/{{*}}{kind}Time[{{*}}Identifier='{name}']/{{*}}{kind}TimePoly")
     return float(np.asarray(poly)[0, 0])
 
 
@@ -198,17 +254,43 @@ def _image_plane(helper: Any) -> tuple[Doubles, Doubles, Doubles]:
     from sarkit import wgs84
 
     scene = "{*}SceneCoordinates/{*}"
-    origin, llh = (np.asarray(helper.load(f"{scene}IARP/{{*}}{kind}")) for kind in ("ECF", "LLH"))
+    origin, llh = (np.asarray(_of(helper, f"{scene}IARP/{{*}}{kind}")) for kind in ("ECF", "LLH"))
     plane = [helper.load(f"{scene}ReferenceSurface/{{*}}Planar/{{*}}{axis}") for axis in ("uIAX", "uIAY")]
     if plane[0] is None:  # a surface of constant height: its tangent plane
-        turns = [helper.load(f"{scene}ReferenceSurface/{{*}}HAE/{{*}}{axis}LL") for axis in ("uIAX", "uIAY")]
+        turns = [_of(helper, f"{scene}ReferenceSurface/{{*}}HAE/{{*}}{axis}LL") for axis in ("uIAX", "uIAY")]
         plane = [wgs84.geodetic_to_cartesian(llh + np.degrees([*turn, 0.0])) - origin for turn in turns]
     axes = np.array([axis / np.linalg.norm(axis) for axis in plane])
-    ends = np.array([helper.load(f"{scene}ImageArea/{{*}}{corner}") for corner in ("X1Y1", "X2Y2")])
+    ends = np.array([_of(helper, f"{scene}ImageArea/{{*}}{corner}") for corner in ("X1Y1", "X2Y2")])
     return origin, axes, ends
 
 
-def write_image(path: Path, folder: Path, spacing_m: float | None = None, channel: str | None = None) -> list[Path]:
+def _part(found: Received, size_m: float | None, centre: tuple[float, float] | None) -> Doubles:
+    """First and last places along the axes of the image plane of a square in the file's image area, shape (2, 2)."""
+    from sarkit import wgs84
+
+    middle = np.zeros(2)
+    if centre is not None:
+        height = wgs84.cartesian_to_geodetic(found.origin_m)[2]
+        away = wgs84.geodetic_to_cartesian([*centre, height]) - found.origin_m
+        middle = np.linalg.lstsq(found.plane.T, away, rcond=None)[0]
+    half = np.inf if size_m is None else 0.5 * size_m
+    ends: Doubles = np.clip(middle + np.array([[-half], [half]]), *found.ends_m)
+    if (ends[0] >= ends[1]).any():
+        x, y = middle
+        raise ConfigError(
+            f"{found.path}: --centre is {x:.0f} and {y:.0f} m from the reference point, outside of the image area."
+        )
+    return ends
+
+
+def write_image(
+    path: Path,
+    folder: Path,
+    spacing_m: float | None = None,
+    channel: str | None = None,
+    size_m: float | None = None,
+    centre: tuple[float, float] | None = None,
+) -> list[Path]:
     """Focus a CPHD file by back-projection on the image plane that it names.
 
     Parameters
@@ -221,6 +303,10 @@ def write_image(path: Path, folder: Path, spacing_m: float | None = None, channe
         Distance between pixels [m]; by default half of the finer resolution.
     channel : str, optional
         Identifier of the channel.
+    size_m : float, optional
+        Side of a square in the image area [m]; by default the whole area.
+    centre : (float, float), optional
+        Latitude and longitude of the square's middle [deg]; by default the reference point.
 
     Returns
     -------
@@ -230,17 +316,22 @@ def write_image(path: Path, folder: Path, spacing_m: float | None = None, channe
     Raises
     ------
     ConfigError
-        As for :func:`read_cphd`; the image would be too large.
+        As for :func:`read_cphd`; the image would be too large; the centre lies outside of the image area; a vector has
+        samples that are no numbers.
     """
     found = read_cphd(path, channel)
     one = found.one
     fine = WIDTH_FACTOR * min(LIGHT_MPS / (2.0 * one.samples * one.step_hz), 1.0 / one.band)
     step = spacing_m or 0.5 * fine
-    size = np.ptp(found.ends_m, axis=0)
+    ends = _part(found, size_m, centre)
+    size = np.ptp(ends, axis=0)
     if (pixels := float(np.prod(size / step))) > _LARGEST:
         least = np.sqrt(np.prod(size) / _LARGEST)
-        raise ConfigError(f"{path}: {pixels:.3g} pixels of {step:.3g} m, expected a spacing of at least {least:.2g} m.")
-    rows, columns = (np.arange(low + 0.5 * step, high, step) for low, high in found.ends_m.T)
+        raise ConfigError(
+            f"{path}: {pixels:.3g} pixels of {step:.3g} m, expected a spacing of at least {least:.2g} m, or a smaller "
+            "size."
+        )
+    rows, columns = (np.arange(low + 0.5 * step, high, step) for low, high in ends.T)
     image = np.empty((rows.size, columns.size), np.complex64)
     for some in np.array_split(np.arange(rows.size), max(1, image.size // _AT_ONCE)):
         places = found.places_m(rows[some], columns).reshape(-1, 3)
