@@ -12,7 +12,7 @@ from radcal.skewnormal import fit
 from radcal.targets import target_fit
 from radcal.targets.target import Target
 
-# hidden laws of the field and the lake in calibration/conftest.py, and their bounds
+# hidden laws of the field and the lake in field_fixtures.py, and their bounds
 TRUTH = {"field": [-30.0, 22.0, 6.0, 4.0], "lake": [-35.0, 12.0, 25.0, 6.0]}
 BOUNDS = [[-60, 0], [0, 50], [0, 50], [0, 20]]
 

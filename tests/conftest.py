@@ -21,7 +21,7 @@ from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.words import sentence
 
-pytest_plugins = ["workflow_fixtures"]
+pytest_plugins = ["workflow_fixtures", "archive_fixtures", "field_fixtures"]
 
 MARKED = ("workflow", "faults", "cluster")  # folders of tests, and the markers that their tests get
 DESELECTED = f"not ({' or '.join((*MARKED, 'slow'))})"  # as in pyproject.toml

@@ -152,11 +152,6 @@ def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
     assert CliRunner().invoke(app, ["check", str(path)]).stdout == f"  {sentence(steep)}\n"
 
 
-def test_a_file_that_is_no_yaml_is_one_problem(tmp_path):
-    (tmp_path / "mine.yaml").write_text("a: [")
-    assert len(check_case([tmp_path / "mine.yaml"]).problems) == 1
-
-
 def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
     path = slant_range(tmp_path)
     own = yaml.safe_load(path.read_text())

@@ -8,7 +8,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from snakemake.cli import parse_args, parse_config
 from typer.testing import CliRunner
 
 import radcal
@@ -48,6 +47,13 @@ def started(monkeypatch):
 
 def run(*arguments):
     return CliRunner().invoke(app, ["run", *arguments])
+
+
+def parsed_by_snakemake(command):
+    """What Snakemake's own parser makes of a command."""
+    from snakemake.cli import parse_args  # only the process that runs these tests loads Snakemake
+
+    return parse_args(command[4:])[1]
 
 
 def refused(*arguments):
@@ -92,7 +98,7 @@ def test_a_clones_own_workflow_is_run_in_its_folder(clone, started):
 def test_stages_are_targets(clone, started):
     run("mine.yaml", "registration", "design", "results/mine/scene.h5", "design_chunk", "posterior")
     at = "results/mine/"
-    targets = parse_args(started[0][4:])[1].targets
+    targets = parsed_by_snakemake(started[0]).targets
     assert targets[:3] == [f"{at}passes/1/registered.h5", "design", f"{at}scene.h5"]
     assert f"{at}design/0.json" in targets[3:-1]
     assert targets[-1] == f"{at}posterior/dyke.h5"
@@ -126,7 +132,7 @@ def test_elsewhere_radcals_own_workflow_is_run(clone, folder, started, monkeypat
     own = Path(radcal.__file__).resolve().parents[2]
     assert started[0][-2:] == ["--profile", str(own / "profiles/slurm")]
     started[0][-2:] = []
-    found = parse_args(started[0][4:])[1]
+    found = parsed_by_snakemake(started[0])
     assert (Path(found.snakefile), Path(found.workflow_profile)) == (own / "Snakefile", own / "profiles/default")
     assert found.nolock  # radcal's own lock dies with its process; from the profile
     assert os.environ["RADCAL_RESULTS"] == "found"
@@ -225,7 +231,7 @@ def parsed(*words, overrides=None, cores=None, further=""):
     """What Snakemake's own parser makes of the command."""
     command = snakemake_command(Path("mine.yaml"), words, further.split(), overrides or {}, cores, dry_run=True)
     assert command[:4] == [sys.executable, "-P", "-m", "snakemake"]
-    return parse_args(command[4:])[1]
+    return parsed_by_snakemake(command)
 
 
 def test_targets_case_and_options_reach_snakemake_as_what_they_are():
@@ -249,6 +255,8 @@ def test_targets_case_and_options_reach_snakemake_as_what_they_are():
     ],
 )
 def test_settings_arrive_as_they_were_meant(clone, overrides):
+    from snakemake.cli import parse_config
+
     words = parsed(overrides=overrides).config
     settings(words)
     assert load(["mine.yaml"], parse_config(words)) == load(["mine.yaml"], overrides)

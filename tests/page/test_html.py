@@ -97,25 +97,6 @@ def page(made, pictures, tmp_path_factory):
     return render(tmp_path_factory.mktemp("page") / "report.html", made.archive, pictures)
 
 
-def test_the_verdict_comes_first_and_claims_no_more_than_the_density(page):
-    text = page[1].text
-    order = [
-        "sigma0 of 2 materials: 2 are determined at some angles",
-        "This result does not show that the law is right",
-        "different laws can give the same histogram",
-        "One statistical model of all materials",
-        "The table compares the density of the measured pixels",
-        "The search of a material meets its criterion",
-    ]
-    places = [text.index(words) for words in order]
-    assert places == sorted(places)
-    assert re.search(
-        r"for dyke: the law of the search differs from it by up to [\d.]+ dB over the incidence seen", text
-    )
-    assert "the law nearest to the median of the band (parameters_model) by up to" in text
-    assert "This image alone cannot check the law of stem beans any further" in text
-
-
 def test_the_table_of_runs_has_every_run_and_the_chosen_one_is_marked(page, made):
     runs, material = made.archive.runs, made.archive.materials["dyke"]
     first = page[0].index("<summary>All runs</summary>")

@@ -27,10 +27,7 @@ def shown(cells, declared, config=CONFIG):
     ("declared", "area", "found"),
     [
         ("sigma0_local", 1.0, 1),
-        ("gamma0_rtc", 1.0, 1),
         ("sigma0_ref", -1.0, -1),
-        ("beta0", -1.0, -1),
-        ("gamma0", -1.0, -1),
         ("sigma0_local", 0.0, 0),
         ("sigma0_ref", -0.3, 0),
         # the declared radiometry has no area that could be left out, or has it already
@@ -98,5 +95,9 @@ def test_radiometries_of_several_passes():
     assert found == pytest.approx({(0, 0, 0): 0.81, (0, 1, 0): 0.09, (-1, 0, 0): 0.09, (-1, 1, 0): 0.01})
     wanted = {(0, 0, 0): 0.81 / 0.99, (0, 1, 0): 0.09 / 0.99, (-1, 0, 0): 0.09 / 0.99}
     assert likely(found) == pytest.approx(wanted)
+    term = {"sigma0_local": 1, "gamma0_rtc": 1, "sigma0_ref": -1, "beta0": -1, "gamma0": -1}
+    assert {declared: list(before_the_image([declared], [two]))[1:] for declared in term} == {
+        declared: [(one,)] for declared, one in term.items()
+    }
     kept = likely({(0,): 0.2, (-1,): 0.8})
     assert (list(kept), kept) == ([(-1,), (0,)], {(-1,): 0.8, (0,): 0.2})

@@ -14,15 +14,13 @@ from lxml import etree
 from rasterio.enums import ColorInterp
 from rasterio.shutil import copy
 
-from radcal.config import Radar, case_from
+from radcal.config import case_from
 from radcal.config.stages import STAGES
 from radcal.ground.levels import Levels
 from radcal.posterior.result import Curve
 from radcal.products.export import ground_layers, write_export
 from radcal.products.geotiff import SLANT_RANGE, _spacing, map_grid, pixel_at_cell
 from radcal.products.tables import calibrated_yaml
-from radcal.radar.projection import make_geometry
-from radcal.scene.model import Scene
 from radcal.seeds import noise_seed
 from radcal.storage.run_index import IndexedRun, write_index
 from radcal.storage.runs import Record, RunStore
@@ -270,24 +268,6 @@ def test_calibrated_materials(made, tmp_path):
     repeats = configured(archive, simulator={**program, "deterministic": True})
     assert "bit for bit" in calibrated_yaml(repeats, {}, "v", 5)
     assert noise_seed(case, fresh=True) != noise_seed(case)
-
-
-def test_a_patch_of_relief_lies_at_its_place():
-    """Through the real geometry: the patch's corners on the map are those of the scene."""
-    material = np.ones((60, 90), dtype=np.uint8)
-    material[20:45, 30:70] = 2
-    north, east = np.meshgrid(np.arange(60), np.arange(90), indexing="ij")
-    relief = 6 * np.sin(east / 14) + 0.05 * north
-    place = (5.0, 0.0, 600_000.0, 0.0, 5.0, 5_780_000.0)
-    scene = Scene("relief", ("field", "lake"), material, relief, 5.0, crs="EPSG:32631", transform=place)
-    geometry = make_geometry(scene, Radar())
-    grid = map_grid(scene, geometry)
-    rows, columns = np.nonzero(grid.on_map(geometry.material) == 2)
-    a, _, west, _, e, north_edge = grid.transform
-    found = [west + a * columns.min(), west + a * (columns.max() + 1)]
-    found += [north_edge + e * (rows.max() + 1), north_edge + e * rows.min()]
-    expected = [600_150, 600_350, 5_780_100, 5_780_225]
-    np.testing.assert_allclose(found, expected, atol=2.5, rtol=0)  # half a cell
 
 
 def test_an_external_law_has_parameters_and_no_curve(build_archive, tmp_path):

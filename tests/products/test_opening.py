@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pystac
 import pytest
-import rioxarray  # noqa: F401 - the accessor rio of arrays
 from archives import changed_material, posterior
 from pyproj import Transformer
 
@@ -78,6 +77,8 @@ def on_map(made, folder):
 
 
 def test_an_image_on_the_map_has_coordinates(made, tmp_path):
+    import rioxarray  # noqa: F401 - the accessor rio of arrays
+
     image = on_map(made, tmp_path).image("measured")
     assert image.dims == ("y", "x")
     assert image.attrs["crs"] == "EPSG:32631"

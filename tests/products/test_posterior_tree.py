@@ -8,8 +8,6 @@ from radcal.errors import StoreError
 from radcal.posterior.result import KeptDraws, LevelPoints
 from radcal.products.posterior_tree import posterior_tree
 
-arviz = pytest.importorskip("arviz", reason="arviz is missing: pip install 'radcal[arviz]' 'arviz<1'")
-
 RNG = np.random.default_rng(3)
 LEVELS, ERRORS = np.array([-9.0, -10.5, -11.0]), np.array([0.4, 0.3, 0.2])
 POINTS = LevelPoints(np.array([25.5, 31.0, 33.5]), LEVELS, ERRORS, LEVELS[:, None] + np.zeros(3), 0.5)
@@ -49,6 +47,7 @@ def test_draws_have_the_dimensions_of_arviz_and_materials_their_own_numbers(arch
 
 
 def test_arviz_reads_the_file(archive, tmp_path):
+    arviz = pytest.importorskip("arviz", reason="arviz is missing: pip install 'radcal[arviz]' 'arviz<1'")
     posterior_tree(archive).to_netcdf(tmp_path / "posterior.nc", engine="h5netcdf")
     found = arviz.from_netcdf(tmp_path / "posterior.nc")
     assert set(found.groups()) == {"posterior", "prior", "sample_stats", "observed_data"}

@@ -1,6 +1,5 @@
 """The results hold what they were gathered from."""
 
-import json
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import get_args
@@ -27,17 +26,6 @@ from radcal.targets.target import Targets
 from radcal.words import ENDINGS, sentence
 
 
-def test_every_run_is_there_in_order(made):
-    with h5py.File(made.path) as file:
-        assert file["runs/kind"].asstr()[()].tolist() == ["reference", *["design"] * 4, *["infill"] * 2]
-        assert file["runs/index"][()].tolist() == [0, 0, 1, 2, 3, 0, 1]
-        assert file["passes/1/keys"].asstr()[()].tolist() == [run.keys[0] for run in made.history.runs]
-        for name in made.targets:
-            group = file[f"materials/{name}"]
-            for key in ("parameters", "dp", "rms"):
-                np.testing.assert_array_equal(group[key], [getattr(run.scores[name], key) for run in made.history.runs])
-
-
 def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_are_told(made, tmp_path):
     """The first final run is the best run of the search, the second one has fresh random numbers."""
     assert summarise(made.archive)["runs"]["final"] == 1
@@ -47,19 +35,6 @@ def test_final_runs_that_the_search_has_made_are_no_new_ones_and_equal_pixels_ar
     assert summarise(again)["runs"]["final"] == 1
     assert "seed_without_effect" in [one.code for one in again.notes]
     assert summarise(again)["materials"]["dyke"]["rms_fresh"] is None
-
-
-def test_pixels_are_those_of_the_images(made):
-    with h5py.File(made.path) as file:
-        np.testing.assert_array_equal(file["scene/material"], made.scene.material)  # row 0 stays in the south
-        measured = file["passes/1/registered/measurement/image_db"][()].ravel()
-        np.testing.assert_array_equal(file["images/calibrated_db"], made.final[1].image_db)
-        for name, target in made.targets.items():
-            group = file[f"materials/{name}"]
-            pixels = group["targets/1/pixels"][()]
-            np.testing.assert_array_equal(pixels, target.pixels)
-            np.testing.assert_array_equal(group["targets/1/values_db"], measured[pixels])
-            assert (file["images/material"][()].ravel()[pixels] == list(file["names"].asstr()).index(name) + 1).all()
 
 
 def test_the_final_runs_have_the_texture_of_the_best_run(made, tmp_path):
@@ -83,21 +58,6 @@ def test_the_final_runs_have_the_texture_of_the_best_run(made, tmp_path):
     each = [skewnormal.fit(run.pixels_db["stem beans"][target.order]).dp for run in made.final]
     expected = [skewnormal.density_rms(dp, target.dp) for dp in each]
     assert [beans.rms_final, beans.rms_fresh] == expected
-
-
-def test_how_it_ended(made):
-    with h5py.File(made.path) as file:
-        assert file["decision"].attrs["reason"] == "unreachable"
-        assert file["decision/materials/dyke"].attrs["reason"] == "rms"
-        assert file["materials/dyke"].attrs["best"] == 6
-        assert file["materials/stem beans"].attrs["best"] == 5
-        found = [Finding.of_json(file[f"decision/materials/{name}"].attrs["finding"]) for name in made.targets]
-        assert [one.about for one in found] == list(made.targets)
-        # promises that were not computed are nan
-        np.testing.assert_array_equal(file["materials/stem beans/fidelity/floor"], [np.nan, 0.05])
-        np.testing.assert_array_equal(file["materials/dyke/fidelity/floor"], [np.nan, np.nan])
-        assert json.loads(file.attrs["config"])["stop"]["rms"] == made.case.stop.rms
-        assert "radcal" in json.loads(file.attrs["versions"])
 
 
 def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):

@@ -1,3 +1,0 @@
-from field_fixtures import calibrated, parts, runner
-
-__all__ = ["calibrated", "parts", "runner"]

@@ -1,3 +1,0 @@
-from field_fixtures import parts
-
-__all__ = ["parts"]
