@@ -150,7 +150,7 @@ def make_archive(
             left_out={"near other ground": 12, "without data": 3},
             patch=np.zeros(drawn.size, dtype=np.int64),
             block=np.zeros(drawn.size, dtype=np.int64),
-            goodness=Goodness(0.04, 0.4, 0.5, 0.01 if name == "stem beans" else 0.3),
+            goodness=Goodness(0.04, 0.01 if name == "stem beans" else 0.3),
         )
 
     def record(key):

@@ -30,7 +30,7 @@ def make_target(values_db, incidence_deg, **changes):
         "effective": float(values.size),
         "rms_sampling": 1e-3,
         "cp_error": np.zeros(3),
-        "goodness": Goodness(0.0, 1.0, 0.0, 1.0),
+        "goodness": Goodness(0.0, 1.0),
         "patch": np.ones(values.size, dtype=np.int64),
         "block": np.arange(values.size) % 10,
         **changes,

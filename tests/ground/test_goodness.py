@@ -3,8 +3,7 @@ import pytest
 from scipy import stats
 
 from radcal import skewnormal
-from radcal.ground.goodness import _distances as distances
-from radcal.ground.goodness import goodness_of_fit
+from radcal.ground.goodness import anderson_darling, goodness_of_fit, kolmogorov_smirnov
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -12,7 +11,8 @@ def test_distances_are_those_of_scipy(sign):
     """Mirrored, the largest difference lies on the other side of a step."""
     values = np.sort(sign * np.random.default_rng(1).normal(-10.0, 3.0, 400))
     fitted = stats.norm(-10.2 * sign, 2.9)
-    ks, ad = distances(values, (-10.2 * sign, 2.9, 0.0))
+    dp = (-10.2 * sign, 2.9, 0.0)
+    ks, ad = kolmogorov_smirnov(values, dp), anderson_darling(values, dp)
     assert ks == pytest.approx(stats.kstest(values, fitted.cdf).statistic, rel=1e-9)
     # the definition as an integral, weighted by 1 / (F (1 - F)), step by step between the values
     f = np.concatenate([[1e-15], fitted.cdf(values), [1 - 1e-15]])

@@ -21,29 +21,26 @@ class Goodness:
     ----------
     ks : float
         Kolmogorov-Smirnov distance, the largest difference between the distribution functions of sample and fit.
-    ks_p : float
-        p-value: share of bootstrap samples with a larger distance to their own fit.
-    ad : float
-        Anderson-Darling statistic, which gives the tails more weight than ``ks`` does.
     ad_p : float
-        p-value of ``ad``.
+        p-value of the Anderson-Darling statistic, which gives the tails more weight than ``ks`` does: share of
+        bootstrap samples with a larger statistic for their own fit.
     """
 
     ks: float
-    ks_p: float
-    ad: float
     ad_p: float
 
 
-def _distances(values: NDArray[np.float64], dp: ArrayLike) -> tuple[float, float]:
-    """Kolmogorov-Smirnov distance and Anderson-Darling statistic of sorted values."""
-    n = values.size
-    below = skewnormal.cdf(values, dp)
-    rank = np.arange(1, n + 1)
-    ks = float(max(np.max(rank / n - below), np.max(below - (rank - 1) / n)))
-    inside = np.clip(below, 1e-12, 1.0 - 1e-12)
-    ad = -n - np.mean((2 * rank - 1) * (np.log(inside) + np.log1p(-inside[::-1])))
-    return ks, float(ad)
+def kolmogorov_smirnov(values: NDArray[np.float64], dp: ArrayLike) -> float:
+    """Kolmogorov-Smirnov distance of sorted values."""
+    below, share = skewnormal.cdf(values, dp), np.arange(values.size + 1) / values.size
+    return float(max(np.max(share[1:] - below), np.max(below - share[:-1])))
+
+
+def anderson_darling(values: NDArray[np.float64], dp: ArrayLike) -> float:
+    """Anderson-Darling statistic of sorted values."""
+    inside = np.clip(skewnormal.cdf(values, dp), 1e-12, 1.0 - 1e-12)
+    odd = 2 * np.arange(1, values.size + 1) - 1
+    return float(-values.size - np.mean(odd * (np.log(inside) + np.log1p(-inside[::-1]))))
 
 
 def goodness_of_fit(
@@ -57,7 +54,7 @@ def goodness_of_fit(
     """Compare a sample with the skew normal fitted to it, by parametric bootstrap.
 
     The parameters are estimated from the sample itself, so that tables of p-values for known parameters do not apply.
-    Therefore a skew normal is fitted to each bootstrap sample, too, and the p-values follow from the distances between
+    Therefore a skew normal is fitted to each bootstrap sample, too, and the p-value follows from the distances between
     these samples and their fits.
 
     Parameters
@@ -86,16 +83,14 @@ def goodness_of_fit(
     Metrika 40 (1993).
     """
     values = np.sort(np.asarray(sample, dtype=np.float64).ravel())
-    ks, ad = _distances(values, dp)
+    ad = anderson_darling(values, dp)
     n = values.size if effective is None else int(np.clip(round(effective), 8, values.size))
-    further = np.zeros(2)
+    further = 0
     for _ in range(draws):
         drawn = np.sort(skewnormal.sample(dp, n, rng))
         try:
-            distances = _distances(drawn, skewnormal.fit(drawn, penalised).dp)
+            further += anderson_darling(drawn, skewnormal.fit(drawn, penalised).dp) >= ad * n / values.size
         except FitError:  # all values are equal, which hardly happens
             continue
-        further += np.array(distances) >= (ks, ad * n / values.size)
     # the sample itself counts as one of the bootstrap samples (Davison and Hinkley 1997, eq. 4.11)
-    ks_p, ad_p = (1.0 + further) / (1.0 + draws)
-    return Goodness(ks, float(ks_p), ad, float(ad_p))
+    return Goodness(kolmogorov_smirnov(values, dp), (1.0 + further) / (1.0 + draws))
