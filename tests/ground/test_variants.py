@@ -129,9 +129,9 @@ def test_means_of_cells_by_the_inverse_of_their_covariance():
     residual = MEAN + 11.0
     effects = SPREAD.between**2 * np.equal(np.arange(3)[:, None], FIELD) @ inverse @ residual
     means = np.array([residual[k == FIELD].mean() for k in range(3)])
-    found = patch_effects(residual, SAMPLING, FIELD, SPREAD)
+    _, effect_db, variance = patch_effects(residual, SAMPLING, FIELD, SPREAD)
     agrees(
-        found.effect_db,
+        effect_db,
         effects,
         rtol=1e-9,
         unshrunk=means,
@@ -141,7 +141,7 @@ def test_means_of_cells_by_the_inverse_of_their_covariance():
     left = SPREAD.between**2 - SPREAD.between**4 * np.diag(
         np.equal(np.arange(3)[:, None], FIELD) @ inverse @ np.equal(FIELD[:, None], np.arange(3))
     )
-    agrees(found.variance, left, rtol=1e-9, prior=np.full(3, SPREAD.between**2), error=np.sqrt(left))
+    agrees(variance, left, rtol=1e-9, prior=np.full(3, SPREAD.between**2), error=np.sqrt(left))
     both = pooled([SPREAD, Spread(0.2, 1.1)])
     agrees(
         [both.between, both.within],

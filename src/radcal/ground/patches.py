@@ -80,23 +80,6 @@ def pooled(spread: Sequence[Spread]) -> Spread:
     return Spread(*(float(value) for value in np.sqrt(np.mean(each**2, axis=0))))
 
 
-@dataclass(frozen=True)
-class Effects:
-    """Best linear unbiased predictions of the random effects of patches.
-
-    Attributes
-    ----------
-    patch : ndarray of int, shape (p,)
-        Labels of the patches, increasing.
-    effect_db, variance : ndarray, shape (p,)
-        Predicted effect [dB] and its variance [dB^2], if the law is known without error.
-    """
-
-    patch: NDArray[np.int64]
-    effect_db: NDArray[np.float64]
-    variance: NDArray[np.float64]
-
-
 def label_patches(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
     """Number the connected areas (four neighbours) of a mask of any shape from 1; pixels outside the mask get 0."""
     labels, _ = scipy.ndimage.label(mask)
@@ -293,8 +276,8 @@ def gls_mean(
 
 def patch_effects(
     residual_db: NDArray[np.float64], sampling: NDArray[np.float64], patch: NDArray[np.int64], spread: Spread
-) -> Effects:
-    """Predicted random effects of the patches that have at least one cell.
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Best linear unbiased predictions of the random effects of the patches that have at least one cell.
 
     Parameters
     ----------
@@ -309,7 +292,10 @@ def patch_effects(
 
     Returns
     -------
-    Effects
+    patch : ndarray of int, shape (p,)
+        Labels of the patches, increasing.
+    effect_db, variance : ndarray, shape (p,)
+        Predicted effect [dB] and its variance [dB^2], if the law is known without error.
 
     References
     ----------
@@ -321,4 +307,4 @@ def patch_effects(
     shared = 1.0 + tau2 * np.bincount(of, precision)
     weight = tau2 * precision / shared[of]
     effect_db = np.asarray(np.bincount(of, weight * residual_db), dtype=np.float64)
-    return Effects(labels, effect_db, np.asarray(tau2 / shared, dtype=np.float64))
+    return labels, effect_db, np.asarray(tau2 / shared, dtype=np.float64)

@@ -106,10 +106,11 @@ def _of_constant(rest: LawModel, patch: NDArray[np.int64], variance: Doubles) ->
     """Prediction of cells with given fields and variances of speckle, shape (n,), by a constant of other cells."""
     constant = constant_of(rest.measured_db, rest.variance, rest.patch)
     between, spread = constant.between_db**2, Spread(constant.between_db, constant.within_db)
-    effects = patch_effects(rest.measured_db - constant.mean_db, rest.variance, rest.patch, spread)
-    place, known = _located(effects.patch, patch)
-    unknown = np.where(known, effects.variance[place] / between, 1.0)
-    level = constant.mean_db + np.where(known, effects.effect_db[place], 0.0)
+    residual_db = rest.measured_db - constant.mean_db
+    labels, effect_db, left = patch_effects(residual_db, rest.variance, rest.patch, spread)
+    place, known = _located(labels, patch)
+    unknown = np.where(known, left[place] / between, 1.0)
+    level = constant.mean_db + np.where(known, effect_db[place], 0.0)
     # the effect of a known field corrects the error of the mean
     field = unknown * between + unknown**2 * constant.variance
     return _by_constant(level, np.sqrt(field + constant.within_db**2 + variance))

@@ -107,23 +107,17 @@ def height_shift(registered: Registered, geometry: Geometry, scene: Scene, radar
     return HeightShift(slope(np.ones(tile.size, dtype=np.bool_)), error, ellipsoid)
 
 
-def height_findings(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> list[Finding]:
-    """Warning about a displacement that follows the height of the ground; else empty.
+def with_height_finding(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> Registered:
+    """Registered image with a warning if its displacement follows the height of the ground.
 
     Parameters
     ----------
     registered, geometry, scene, radar
         Arguments of :func:`height_shift`.
     """
-    found = height_shift(registered, geometry, scene, radar)
+    found, measurement = height_shift(registered, geometry, scene, radar), registered.measurement
     if found is None or not found.doubtful:
-        return []
+        return registered
     numbers = {"m_per_m": found.m_per_m, "error_m_per_m": found.error, "ellipsoid_m_per_m": found.ellipsoid}
-    return [Finding("height_shift", "warning", registered.measurement.source, numbers)]
-
-
-def with_height_finding(registered: Registered, geometry: Geometry, scene: Scene, radar: Radar) -> Registered:
-    """Registered image whose findings contain :func:`height_findings`, of which these are the arguments, too."""
-    measurement = registered.measurement
-    findings = (*measurement.findings, *height_findings(registered, geometry, scene, radar))
-    return replace(registered, measurement=replace(measurement, findings=findings))
+    warning = Finding("height_shift", "warning", measurement.source, numbers)
+    return replace(registered, measurement=replace(measurement, findings=(*measurement.findings, warning)))
