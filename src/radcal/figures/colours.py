@@ -1,4 +1,7 @@
-"""Colours of materials in maps and legends: configured, usual for the material's name, or from a fixed list."""
+"""Colours of materials in maps and legends: configured, usual for the material's name, or from a fixed list.
+
+The usual ones and the list are those of ``tables/colours.yaml``.
+"""
 
 from __future__ import annotations
 
@@ -10,35 +13,17 @@ import numpy as np
 
 from radcal.figures.drawing import mark, titled
 from radcal.results.archive import Archive
+from radcal.tables import read_table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
-# Sixteen colours of different lightness; the map also has numbers, so that nothing depends on colour alone. Sixteen
-# more differ by 28 or more in CIELAB from each other, from the first sixteen, white and black.
-FILLS = (
-    "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00", "#CC79A7", "#8C8C8C",
-    "#332288", "#B7E1B0", "#882255", "#FBD5A5", "#B4C7F0", "#6B4A1B", "#D9D9D9", "#117777",
-    "#69870F", "#87000F", "#A596FF", "#00F0F0", "#FF7878", "#004B0F", "#3C2D5A", "#5AF0A5",
-    "#964BA5", "#B4963C", "#A55A5A", "#96D269", "#FFA569", "#FFA5FF", "#69784B", "#0F3C4B",
-)  # fmt: skip
-
-# usual colours of kinds of ground, and darker or lighter ones for further materials of a kind. The kinds differ in
-# lightness, too: no red is as light as a green, because a colour-blind reader may take one for the other.
-_USUAL: Mapping[str, tuple[str, str, str]] = {
-    "wetlands? marsh(es)? bogs? swamps? mangroves? peat": ("#44AA99", "#2B7A6D", "#8FD0C4"),
-    "water sea ocean lakes? rivers? lagoons? estuar(y|ies)": ("#2C6FBB", "#123E73", "#7FB2E5"),
-    "snow ice glaciers?": ("#DCEBF7", "#B9D3EA", "#F2F8FD"),
-    "urban built buildings? developed city houses? settlements?": ("#C8371B", "#8E1F0B", "#E8836E"),
-    "roads? rail asphalt runways? airports?": ("#6E6E6E", "#474747", "#9C9C9C"),
-    "forests? trees? woods? woodlands?": ("#0B5D1E", "#073A13", "#3B8549"),
-    "shrubs? shrubland scrub heathland moors?": ("#8A8A2B", "#636318", "#B5B564"),
-    "grass(es)? grasslands? pastures? meadows? lawns?": ("#8CCB5E", "#5FA233", "#BBE39B"),
-    "crops? croplands? arable cultivated farmland agriculture": ("#EBD04B", "#C4A51E", "#F6E798"),
-    "bare soil sands? barren rocks? beaches desert": ("#B9824F", "#8A5A2E", "#D9B48F"),
-}
-_WORDS = [([re.compile(word, re.IGNORECASE) for word in words.split()], shades) for words, shades in _USUAL.items()]
+_TABLE = read_table("colours")
+FILLS: Sequence[str] = _TABLE["others"]
+_WORDS = [
+    ([re.compile(word, re.IGNORECASE) for word in words.split()], shades) for words, shades in _TABLE["usual"].items()
+]
 
 
 def material_colours(names: Sequence[str], configured: Mapping[str, str] | None = None) -> list[str]:

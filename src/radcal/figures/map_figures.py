@@ -137,8 +137,7 @@ def images(case: Archive) -> Drawn:
         if not one.own_scale:
             of_bar = shown
     add_arrows(panels[0])
-    bar = canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label("backscatter [dB]")
+    canvas.colorbar(of_bar, ax=panels, extend="both", fraction=0.05, pad=0.02, aspect=30, label="backscatter [dB]")
     axis_labels(panels, stacked)
     which = "Measured and calibrated image have" if own else "The three images have"
     caption = (
@@ -267,8 +266,7 @@ def registration(case: Archive) -> Drawn | None:
     arrows = {"color": "white", "angles": "xy", "scale_units": "xy", "scale": largest / step, "width": 0.005}
     panels[2].quiver(x, y, field[1][y, x], field[0][y, x], **arrows)
     panels[2].set_title("displacement")
-    bar = canvas.colorbar(shown, ax=panels, fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label("displacement [pixel]")
+    canvas.colorbar(shown, ax=panels, fraction=0.05, pad=0.02, aspect=30, label="displacement [pixel]")
     axis_labels(panels, stacked)
     caption = (
         "“As measured” and “registered” are chequerboards of squares of the reference run and of the measured image, "
@@ -315,8 +313,7 @@ def residual(case: Archive) -> Drawn | None:
     )  # fmt: skip
     left.set_title("calibrated minus measured")
     add_arrows(left)
-    bar = canvas.colorbar(shown, ax=left, extend="both", fraction=0.05, pad=0.02, aspect=30)
-    bar.set_label("difference [dB]")
+    canvas.colorbar(shown, ax=left, extend="both", fraction=0.05, pad=0.02, aspect=30, label="difference [dB]")
     right.imshow(
         material[k // 2 :: k, k // 2 :: k], cmap=cmap, norm=norm, aspect=aspect,
         extent=image_extent(material.shape), interpolation="nearest",

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 _HATCHED = 300  # number of places per side at which the hatching of a map is computed
 _LEAST_SCALE = 0.01  # smallest range of a colour scale [deg or dB]
-_LISTED = 8  # largest number of materials named in the caption
 _FLAT_DEG = 1.0  # ground whose slopes are below this angle at 99 % of the cells has no relief to show
 
 
@@ -68,8 +67,7 @@ def scene(case: Archive) -> Drawn | None:
     ground = ListedColormap(colormaps["terrain"](np.linspace(0.25, 1.0, 256)))
     shown = plans[1].imshow(elevation, cmap=ground, origin="lower", extent=sides)
     plans[1].set_title("elevation")
-    bar = canvas.colorbar(shown, ax=plans[1], fraction=0.046, pad=0.03)
-    bar.set_label("elevation [m]")
+    canvas.colorbar(shown, ax=plans[1], fraction=0.046, pad=0.03, label="elevation [m]")
     for panel in plans:
         panel.grid(False)
         panel.set(xlabel=across, ylabel=along)
@@ -123,24 +121,15 @@ def incidence(case: Archive) -> Drawn | None:
         panel.set_title(title)
         canvas.colorbar(drawn, ax=panel, extend="both", fraction=0.05, pad=0.02)
     axis_labels(panels, stacked)
-    hatched = _hatch_determined(panels[0], case, angle, material)
-    spans = []
-    for name in list(case.materials)[:_LISTED]:
-        inside = (material == case.names.index(name) + 1) & np.isfinite(angle)
-        if inside.any():
-            s = expected[inside][np.isfinite(expected[inside])]
-            level = f", sigma0 {_ends(s, 1)} dB" if s.size else ""
-            spans.append(f"incidence of {name} {_ends(angle[inside], 0)} deg{level}")
-    more = f", and {len(case.materials) - _LISTED} more" if len(case.materials) > _LISTED else ""
-    listed = f"Quantiles of 5 and 95 % over all pixels shown, masked ones included: {'; '.join(spans)}{more}."
-    if hatched:
-        listed += " Hatched: ground whose incidence is inside of the interval in which sigma0 of its material is "
-        listed += "determined."
+    hatched = ""
+    if _hatch_determined(panels[0], case, angle, material):
+        hatched = " Hatched: ground whose incidence is inside of the interval in which sigma0 of its material is "
+        hatched += "determined."
     if len(maps) == 1:
-        return canvas, f"Mean local incidence of the ground in each pixel. {listed}", "Map of the local incidence."
+        return canvas, f"Mean local incidence of the ground in each pixel.{hatched}", "Map of the local incidence."
     caption = (
         "First map: mean local incidence of the ground in each pixel. Second map: sigma0 that the calibrated or fixed "
-        f"law of the pixel's material gives at this incidence, without speckle, noise or point spread. {listed}"
+        f"law of the pixel's material gives at this incidence, without speckle, noise or point spread.{hatched}"
     )
     return canvas, caption, "Maps of the local incidence angle and of the backscatter that the laws expect there."
 
@@ -164,11 +153,6 @@ def _hatch_determined(panel: Axes, case: Archive, angle: NDArray[Any], material:
     areas = panel.contourf(columns, rows, share, levels=[0.5, 2.0], colors="none", hatches=["////"])
     areas.set(edgecolor="white", linewidth=0.8)
     return True
-
-
-def _ends(values: NDArray[Any], digits: int) -> str:
-    """Text of the 5 and 95 % quantile of values, or of one if they have the same text."""
-    return " to ".join(dict.fromkeys(f"{v:.{digits}f}" for v in np.percentile(values, [5.0, 95.0])))
 
 
 def _scale(values: NDArray[Any]) -> tuple[float, float]:

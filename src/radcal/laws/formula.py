@@ -84,12 +84,12 @@ class Formula:
                 raise ValueError(f"names: {name!r} has a meaning in formulas, expected another name")
         if not 0 < len(self.names) <= _MOST_PARAMETERS:
             raise ValueError(f"names has {len(self.names)} entries, expected 1 to {_MOST_PARAMETERS} parameters")
-        used = {node.id for node in ast.walk(self._tree) if isinstance(node, ast.Name)}
+        used = {node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name)}
         if unused := [name for name in self.names if name not in used]:
             raise ValueError(f"names: {unused[0]!r} does not occur in the formula {self.text!r}")
 
     @cached_property
-    def _tree(self) -> ast.expr:
+    def tree(self) -> ast.expr:
         """Checked syntax tree."""
         if len(self.text) > _LONGEST:
             raise ValueError(f"formula has {len(self.text)} characters, expected at most {_LONGEST}")
@@ -136,17 +136,6 @@ class Formula:
         found = ast.get_source_segment(self.text.strip(), node) or type(node).__name__
         return ValueError(f"formula: found {found[:60]!r} in {self.text[:200]!r}, expected {expected}")
 
-    @property
-    def canonical(self) -> str:
-        """Formula in a form that does not depend on blanks and superfluous brackets."""
-        return ast.unparse(self._tree)
-
-    @property
-    def needs(self) -> tuple[str, ...]:
-        """Conditions that the formula needs, as in :class:`~radcal.laws.base.Law`."""
-        uses = any(isinstance(node, ast.Name) and node.id == "f_ghz" for node in ast.walk(self._tree))
-        return ("frequency_ghz",) if uses else ()
-
     def values(
         self, phi_rad: ArrayLike, parameters: ArrayLike, frequency_ghz: float | None = None
     ) -> NDArray[np.float64]:
@@ -173,7 +162,7 @@ class Formula:
             raise AssertionError(node)
 
         with np.errstate(all="ignore"):
-            found = of(self._tree)
+            found = of(self.tree)
         shape = np.broadcast_shapes(phi.shape, x.shape[1:])
         return np.array(np.broadcast_to(found, shape), dtype=np.float64)
 
@@ -300,11 +289,12 @@ def formula_law(text: str, names: Sequence[str], units: Sequence[str] | None = N
         The formula or a name is not accepted.
     """
     made = Formula(text, tuple(names))
+    used = {node.id for node in ast.walk(made.tree) if isinstance(node, ast.Name)}
     return Law(
         made,
         names=made.names,
         units=tuple(units) if units is not None else ("",) * len(made.names),
-        needs=made.needs,
-        formula=made.canonical,
+        needs=("frequency_ghz",) if "f_ghz" in used else (),
+        formula=ast.unparse(made.tree),  # does not depend on blanks and superfluous brackets
         source="case file",
     )

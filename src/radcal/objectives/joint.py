@@ -62,21 +62,12 @@ class Joint(Comparison):
     def _split(self, points: PredictedPoints) -> list[tuple[Objective, PredictedPoints]]:
         """Objective of each pass, with the points restricted to the statistics of this pass."""
         slack = np.broadcast_to(points.slack, points.statistics.shape)
-        each = zip(
-            self._parts,
-            np.split(points.statistics, self._ends, axis=1),
-            np.split(slack, self._ends, axis=1),
-            strict=True,
-        )
-        return [
-            (
-                part,
-                PredictedPoints(
-                    found, points.parameters, np.array([self._there(part, n) for n in points.looks]), shift
-                ),
-            )
-            for part, found, shift in each
-        ]
+        split = (np.split(values, self._ends, axis=1) for values in (points.statistics, slack))
+        found = []
+        for part, statistics, shift in zip(self._parts, *split, strict=True):
+            looks = np.array([self._there(part, n) for n in points.looks])
+            found.append((part, PredictedPoints(statistics, points.parameters, looks, shift)))
+        return found
 
     @property
     def scale(self) -> Doubles:
