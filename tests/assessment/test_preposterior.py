@@ -115,33 +115,6 @@ def test_one_draw_far_away_changes_neither_scores_nor_the_standard_deviation_of_
     assert _equivalent_sd(half) == pytest.approx(2.0 * 1.281552 / 1.644854, rel=0.02)
 
 
-def test_without_a_pass_nothing_changes():
-    draws = lines(500, field_db=np.random.default_rng(2).exponential(0.5, 500))
-    some = np.arange(80, 240, 40)
-    left = half_widths_after(draws, FLAT, [view()], [], LOOKS, EXACT, some)
-    assert left == pytest.approx(half_widths_now(draws.curves_db(FLAT)[:, some]))
-
-
-def test_an_error_of_the_noise_floor_counts_by_the_noise_in_the_mean_level():
-    """Noise 10 dB below the mean of curves that differ much is a tenth of the power."""
-    draws, seen = lines(level_sd=3.0, slope_sd=0.0), view(noise_db=-20.0)
-    means = seen.means_db(draws.laws_db(FLAT))
-    floor = 10.0 ** ((-20.0 - float(means.mean())) / 10.0)
-    prior, variance = sd(means[:, 0]) ** 2, (2.0 * floor) ** 2
-    found = sd_left(draws, [seen], AT_30, Uncertainty(level_db=0.0, noise_db=2.0)) / np.sqrt(at_30(draws))
-    assert found == pytest.approx(np.sqrt(variance / (prior + variance)), rel=1e-3)
-
-
-def test_ground_in_the_noise_says_little():
-    draws = lines(level_sd=0.1, slope_sd=0.0)
-    clear, equal, deep = (sd_left(draws, [view(independent=2000.0, noise_db=n)], AT_30) for n in (-60.0, -10.0, 10.0))
-    assert clear < 0.5 * 0.1
-    # at a noise as strong as the signal, half of a change of the signal is seen
-    speckle, prior = speckle_db2(2000.0), at_30(draws)
-    assert equal == pytest.approx(np.sqrt(prior * (1.0 - 0.25 * prior / (0.25 * prior + speckle))), rel=1e-3)
-    assert deep > 0.95 * 0.1
-
-
 def test_what_a_pass_sees_of_a_material(geometry_of_slopes):
     geometry = geometry_of_slopes
     radar = Radar(nesz_db=-25.0)

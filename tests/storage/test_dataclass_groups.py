@@ -94,21 +94,6 @@ def test_what_was_written_is_read(tmp_path):
     assert list(found.curves) == ["z", "a"], "in the order in which they were written, not in that of the alphabet"
 
 
-def test_the_file_is_what_the_table_says(tmp_path):
-    kept(example(), tmp_path / "a.h5")
-    with h5py.File(tmp_path / "a.h5", "r") as file:
-        assert {**file.attrs, "shape": list(file.attrs["shape"])} == {**PLAIN, "shape": [4, 7], "later": 2.5}
-        assert set(file) == {"names", "image_db", "inner", "curves", "parts", "reasons", "arrays", "notes"}
-        assert dict(file["image_db"].attrs) == {"description": "Image of the pass", "unit": "dB"}
-        assert file["image_db"].compression == "gzip"
-        assert file["inner/flags"].compression is None
-        assert dict(file["arrays"].attrs) == {"description": "Anything"}
-        assert file["inner"].attrs["level_db"] == -3.5
-        assert dict(file["reasons"].attrs) == {"in shadow": 4, "near an edge": 0}
-        assert file["curves/z"].attrs["law"] == "mangia"
-        assert file["curves/a/names"].asstr()[()].tolist() == ["u"]
-
-
 @pytest.mark.parametrize(("size", "compression"), [(255, None), (256, "gzip"), (249_999, "gzip"), (250_000, None)])
 def test_arrays_of_a_kilobyte_to_a_megabyte_are_compressed(tmp_path, size, compression):
     kept(example(image_db=np.zeros((1, size), dtype=np.float32)), tmp_path / "a.h5")

@@ -95,17 +95,6 @@ def test_a_folder_in_use_is_left_alone(tmp_path, monkeypatch, said):
     assert place in sentences[0]
 
 
-def test_a_lock_says_whose_it_is(tmp_path):
-    mine = CaseLock(tmp_path)
-    mine.acquire()
-    assert (tmp_path / ".lock").read_text() == f"{os.getpid()} {socket.gethostname()}"
-    mine.release()
-    mine.release()
-    again = CaseLock(tmp_path)
-    again.acquire()
-    again.release()
-
-
 def test_the_holder_of_a_folder_is_the_command_that_works_on_it(tmp_path):
     assert holder(tmp_path) is None
     mine = CaseLock(tmp_path)

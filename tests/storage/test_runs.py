@@ -207,15 +207,6 @@ def test_asking_for_the_image_upgrades_the_record(runner, store, simulator):
     assert len(files(store)) == 1
 
 
-def test_calibrating_one_more_material_upgrades_the_record(runner, store, simulator, geometry, build_case):
-    runner.run(X, 7)
-    both = build_case(materials={"dyke": {"calibrate": True}, "grass": {"calibrate": True}})
-    record = Runner(store, simulator, geometry, "scene", both).run(X, 7)
-    assert set(record.pixels_db) == {"dyke", "grass"}
-    runner.run(X, 7)
-    assert simulator.calls == 2
-
-
 class Broken(Counting):
     def __init__(self, shape, image):
         super().__init__(shape)
@@ -250,21 +241,6 @@ def test_image_of_another_size_leaves_no_record(store, geometry, case, shape):
     with pytest.raises(SimulatorError, match=rf"the simulator's image has .* expected \({rows}, {columns}\)"):
         Runner(store, Broken(geometry.shape, np.zeros(shape)), geometry, "scene", case).run(X, 7)
     assert files(store) == []
-
-
-def test_record_says_where_it_comes_from(runner, store):
-    key = runner.run(X, 7).key
-    with h5py.File(store.path(key)) as file:
-        assert file.attrs["unit"] == "dB"
-        assert file.attrs["radcal"]
-        assert file.attrs["created"].endswith("+00:00")
-        description = json.loads(file.attrs["description"])
-        assert file["pixels_db/dyke"].dtype == np.float32
-    assert description == runner.description(X, 7)
-    assert description["materials"]["dyke"] == {"law": "mangia", "parameters": X["dyke"]}
-    assert description["noise_seed"] == 7
-    assert description["simulator"] == {"kind": "counting", "version": 1}
-    assert description["pass"]["altitude_m"] == 1000.0
 
 
 def test_record_that_cannot_be_written_leaves_nothing(store):
