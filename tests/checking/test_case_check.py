@@ -212,8 +212,10 @@ def test_a_sentinel1_product_is_told(tmp_path, monkeypatch):
     assert [yaml.safe_load(text)["radar"]["heading_deg"] for text in found.sections] == [printed["heading_deg"]]
 
 
-def on_the_map(folder):
-    """A case of heights, land cover and an image of two bands in dB, on one map."""
+@pytest.fixture
+def on_the_map(tmp_path, monkeypatch):
+    """A case of heights, land cover and an image of two bands in dB, on one map, in the current folder."""
+    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(5)
     cover = np.where(np.arange(40) < 17, 40, 10).astype("uint8")[None].repeat(30, axis=0)
     for name, values in (
@@ -221,8 +223,8 @@ def on_the_map(folder):
         ("cover.tif", cover[None]),
         ("image.tif", rng.normal(-12, 2, (2, 30, 40)).astype("float32")),
     ):
-        write_raster(folder / name, values, crs="EPSG:32631", transform=from_origin(6e5, 5.8e6, 20.0, 20.0))
-    (folder / "mine.yaml").write_text(ON_THE_MAP)
+        write_raster(name, values, crs="EPSG:32631", transform=from_origin(6e5, 5.8e6, 20.0, 20.0))
+    Path("mine.yaml").write_text(ON_THE_MAP)
 
 
 ON_THE_MAP = """
@@ -243,9 +245,7 @@ materials: {cropland: {calibrate: true}, tree_cover: {}}
         ("azimuth_spacing_m: 20", "azimuth_spacing_m: 2", "radar.azimuth_spacing_m is 2", "start image"),
     ],
 )
-def test_what_a_stage_refuses_is_told_before_any_run(old, new, said, unseen, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
+def test_what_a_stage_refuses_is_told_before_any_run(old, new, said, unseen, on_the_map):
     Path("mine.yaml").write_text(ON_THE_MAP.replace(old, new))
     found = check_case(["mine.yaml"])
     (problem,) = found.problems
@@ -254,18 +254,14 @@ def test_what_a_stage_refuses_is_told_before_any_run(old, new, said, unseen, tmp
     assert not Path("results").exists()
 
 
-def test_a_right_case_on_the_map_has_no_problem(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
+def test_a_right_case_on_the_map_has_no_problem(on_the_map):
     found = check_case(["mine.yaml"])
     assert (found.problems, found.unseen) == ([], ())
     assert "heading_missing" in [one.code for one in found.findings]
 
 
 @pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-def test_an_image_without_a_crs_is_told_so(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
+def test_an_image_without_a_crs_is_told_so(on_the_map):
     values = np.random.default_rng(5).normal(-12, 2, (7, 9)).astype("float32")
     write_raster("half.tif", values, crs="EPSG:32631")
     np.save("plain.npy", values)
@@ -275,9 +271,7 @@ def test_an_image_without_a_crs_is_told_so(tmp_path, monkeypatch):
         assert f" and the file {lacks}, expected a georeferenced image, as the scene in WGS 84 / UTM zone" in said
 
 
-def test_a_case_without_materials_has_those_of_the_default_case(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    on_the_map(tmp_path)
+def test_a_case_without_materials_has_those_of_the_default_case(on_the_map):
     Path("mine.yaml").write_text(ON_THE_MAP[: ON_THE_MAP.index("materials: {cropland")])
     (problem,) = check_case(["mine.yaml"]).problems  # not one for each of the seven
     assert problem == "materials.dyke: not in the scene, which has tree_cover, cropland."

@@ -13,19 +13,6 @@ def effective_sample_size(image, inside, drawn, incidence=None):
     return estimate_correlation(image, inside, incidence).effective(drawn)
 
 
-def test_effective_size_is_that_of_the_variance_of_the_mean():
-    """Moving averages over 3 x 5 pixels: the mean of all has the variance of that many independent ones."""
-    images = [uniform_filter(np.random.default_rng(k).normal(size=SHAPE), (3, 5), mode="wrap") for k in range(300)]
-    inside = np.arange(images[0].size)
-    ratio = np.mean([image.var() for image in images]) / np.var([image.mean() for image in images])
-    found = effective_sample_size(images[0].astype(np.float32), inside, inside)
-    assert found == pytest.approx(images[0].size / 15, rel=0.15)
-    assert found == pytest.approx(ratio, rel=0.2)  # of 300 means: 8 %
-    # few pixels drawn far apart share little
-    drawn = np.sort(np.random.default_rng(1).choice(inside, 200, replace=False))
-    assert 150 < effective_sample_size(images[0].astype(np.float32), inside, drawn) < 200
-
-
 def test_correlated_pixels_on_a_slope_of_level_stay_correlated():
     smooth = uniform_filter(np.random.default_rng(0).normal(size=SHAPE), (3, 5), mode="wrap")
     slope = 1.5 * smooth.std() * np.linspace(-1.0, 1.0, SHAPE[0])[:, None]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radcal.ground.ground import Blocks, Ground
+from radcal.ground.ground import Blocks
 
 
 def picture(blocks, rows, columns):
@@ -32,12 +32,3 @@ def test_blocks_of_columns_are_a_chessboard(columns):
         assert inside.any(axis=0).sum() <= step
         assert len({(r // 4, c // step) for r, c in zip(*np.nonzero(inside), strict=True)}) == 1
     assert np.unique(part).size == 6 * -(-columns // step)
-
-
-def test_sampling_of_a_cells_mean_is_that_at_equal_incidence():
-    """A law of 0.5 dB per degree over 20 degrees spreads every cell by 2.9 dB, and no other sample of speckle would."""
-    rng = np.random.default_rng(9)
-    incidence = rng.uniform(30.0, 50.0, 4000)
-    values = -0.5 * incidence + 1.5 * rng.normal(size=4000)
-    ground = Ground(values, incidence, np.arange(4000) % 10, np.zeros(4000, dtype=np.int64))
-    np.testing.assert_allclose(ground.sampling, 1.5**2 / 400.0, rtol=0.1)  # of 4,000 pixels: 2 %

@@ -41,21 +41,6 @@ def simulated(rng, n_patches, n_cells, between, within):
     return Residuals(r, sampling, patch, np.ones((patch.size, 1)), np.eye(1) * 1e-6)
 
 
-def test_spread_is_found():
-    (found,) = spreads([simulated(np.random.default_rng(6), 80, 6, 1.2, 0.5)])
-    assert found.between == pytest.approx(1.2, abs=0.25)
-    assert found.within == pytest.approx(0.5, abs=0.06)
-
-
-def test_a_lone_patch_takes_what_the_others_show():
-    rng = np.random.default_rng(7)
-    lone = simulated(rng, 1, 6, 1.0, 0.2)
-    calm = spreads([*(simulated(rng, 10, 6, 0.1, 0.2) for _ in range(6)), lone])[-1]
-    rough = spreads([*(simulated(rng, 10, 6, 2.0, 0.2) for _ in range(6)), lone])[-1]
-    assert calm.between < 0.3
-    assert rough.between > 1.0
-
-
 def test_cells_are_parts_of_patches_in_blocks():
     mask = np.array([[1, 1, 0, 1], [0, 1, 0, 1]], dtype=bool)
     labels = label_patches(mask)

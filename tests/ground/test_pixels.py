@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from radcal.config import Radar, TargetConfig
-from radcal.ground.pixels import eligible_pixels, noise_limited, point_targets
+from radcal.ground.pixels import eligible_pixels, point_targets
 from radcal.image.model import Measurement
 from radcal.radar.image import ImageFormation, decibels
 from radcal.radar.reflectivity import uniform
@@ -40,17 +40,6 @@ def test_an_uncertain_registration_widens_the_margin(geometry, length_px, more):
     uncertainty = np.full(geometry.shape, length_px, dtype=np.float32)
     found = eligible_pixels("dyke", geometry, image, TargetConfig(margin_px=1), uncertainty)
     np.testing.assert_array_equal(found.pixels, geometry.pixels("dyke", 1 + more))
-
-
-def test_noise_is_where_signal_and_noise_say_so():
-    rng = np.random.default_rng(2)
-    signal = np.repeat([0.0, 0.001, 0.1, 1.0], 50)[None, :] * np.ones((120, 1))
-    power = (signal + 0.01) * rng.gamma(8.0, 1 / 8.0, size=signal.shape)
-    found = noise_limited((10 * np.log10(power)).astype(np.float32), np.full(120, -20.0), 0.0)
-    inside = [found[:, 50 * k + 8 : 50 * k + 42] for k in range(4)]
-    assert [bool(part.all()) for part in inside] == [True, True, False, False]
-    assert not inside[2].any()
-    assert not noise_limited(np.full((20, 20), np.nan, dtype=np.float32), np.full(20, -20.0), 0.0).any()
 
 
 def test_point_target_and_its_surroundings_are_found():

@@ -146,6 +146,12 @@ def test_key_does_not_change_with_how_runs_are_used(store, geometry, build_case)
         {"stop": {"rms": 1e-3, "max_runs": 30, "stagnation_runs": 5}},
         {"optimiser": {"population": 20, "objective": "rms"}},
         {"surrogate": {"outputs": "direct"}},
+        {
+            "objective": "classes",
+            "simulator": {"draws": 1},
+            "target": {"incidence_classes": 3, "looks": "nominal", "priors": False, "incidence_error_deg": 0.5},
+            "validation": {"rows": 20, "means": 10, "keep": "odd"},
+        },
         {"design": {"sampler": "monte_carlo", "size": 3}},
         {"measurement": {"source": "synthetic", "synthetic": {"seed": 8, "offset_db": 2.0}}},
         {"materials": {"dyke": {"calibrate": True, "bounds": [[0, 60]] * 4, "start": [1, 1, 1, 1]}, "grass": grass}},

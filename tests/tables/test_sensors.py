@@ -58,15 +58,6 @@ def test_what_is_asked_for_and_what_is_given_are_a_whole_pass(name):
             case_from({"radar": {"sensor": name, **rest}})
 
 
-def test_a_depression_angle_replaces_the_incidence():
-    keys = {key: value for key, value in GRD.items() if key != "incidence_deg"}
-    radar = Radar(**keys, depression_deg=50.0)
-    assert (radar.earth, radar.range_spacing_m) == ("flat", pytest.approx(10.0 * math.cos(math.radians(50.0))))
-    radar = Radar(**keys, depression_deg=55.0, earth="curved")
-    assert radar.range_spacing_m == pytest.approx(10.0 * math.sin(math.radians(radar.centre_incidence_deg)))
-    assert radar.centre_incidence_deg > 39.0
-
-
 @pytest.mark.parametrize("value", [math.inf, math.nan, -1e9, 10**400, "x", None, [], True, 1e-300])
 @pytest.mark.parametrize("key", ["incidence_deg", "depression_deg", "altitude_m", "earth"])
 def test_wild_values_beside_a_sensor_end_in_a_sentence(key, value):

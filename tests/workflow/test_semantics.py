@@ -217,32 +217,6 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     assert finished.records() == records
 
 
-def test_classes_and_held_out_ground_repeat_no_run(finished):
-    """Objective, classes, looks, priors and validation are no part of what a run is known by."""
-    before = finished.contents()
-    finished.write(
-        objective="classes",
-        simulator={"draws": 1},
-        target={"incidence_classes": 3, "looks": "nominal", "priors": False, "incidence_error_deg": 0.5},
-        validation={"rows": 20, "means": 10, "keep": "odd"},
-        stop={"max_runs": 40},
-    )
-    ended(finished, *CASE)
-    after = finished.contents()
-    assert {name: after[name] for name in before} == before
-    summary = finished.summary()
-    assert len(after) - len(before) <= summary["runs"]["infill"] + summary["runs"]["final"]
-    assert summary["stop_reason"] == "settled"
-    assert summary["converged"]
-    (field,) = summary["materials"].values()
-    assert field["looks"] == field["looks_nominal"] == 4
-    assert field["validation"]["n_cells"] > 0
-    # and back again nothing is simulated at all
-    finished.write()
-    ended(finished, *CASE)
-    assert finished.contents() == after
-
-
 def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_path):
     """Target and design change at once: no job may be left as it was because one that it waits for runs too."""
     fresh = make_project(tmp_path / "fresh")
