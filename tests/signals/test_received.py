@@ -41,19 +41,28 @@ def delays(sent, received, place):
     return (np.linalg.norm(sent - place, axis=1) + np.linalg.norm(received - place, axis=1)) / LIGHT
 
 
-def written(path, domain="FX", sign=-1, layout="CF8", without="", spoil=lambda vectors, signal: None, **changes):
-    """Spotlight collection of some points, by the formulas of the standard alone, after a channel of another size."""
+def written(
+    path, domain="FX", sign=-1, layout="CF8", without="", hop=0.0, spoil=lambda vectors, signal: None, **changes
+):
+    """Spotlight collection of some points, by the formulas of the standard alone, after a channel of another size.
+
+    With ``hop`` the pulses differ in their first frequency and in the step, by up to this share of the band.
+    """
     time, _, velocity, sent, received = collected()
     places = ORIGIN + POINTS @ np.stack([EAST, NORTH, UP])
     reference = delays(sent, received, ORIGIN)
     middle, width, samples = 0.5 * (LOW + HIGH), HIGH - LOW, 200 if domain == "FX" else 240
+    low, high = LOW + 3.0 * hop * width, HIGH - 3.0 * hop * width
     axis = np.linspace(LOW - 6e6, HIGH + 6e6, samples) if domain == "FX" else (np.arange(samples) - 117) / 1.2 / width
+    if hop:
+        shift = np.sin(np.arange(time.size))[:, None]
+        axis = axis + hop * width * shift * (1.0 + np.linspace(0.0, 1.0, samples))
     signal = np.zeros((time.size, samples), complex)
     for place, amplitude in zip(places, AMPLITUDES, strict=True):
         away = (delays(sent, received, place) - reference)[:, None]
         loss = (reference.mean() / delays(sent, received, place)[:, None]) ** 2
         if domain == "FX":
-            inside = (axis >= LOW) & (axis <= HIGH)
+            inside = (axis >= low) & (axis <= high)
             signal += loss * amplitude * np.exp(-2j * np.pi * axis * away) * inside
         else:
             signal += loss * amplitude * np.exp(-2j * np.pi * middle * away) * np.sinc(width * (axis - away))
@@ -74,7 +83,7 @@ def written(path, domain="FX", sign=-1, layout="CF8", without="", spoil=lambda v
     tree["Global"] = {
         "DomainType": domain, "SGN": sign,
         "Timeline": {"CollectionStart": np.datetime64("2026-05-01T10:00:00").item(), "TxTime1": 0.0, "TxTime2": 3.0},
-        "FxBand": {"FxMin": LOW, "FxMax": HIGH}, "TOASwath": {"TOAMin": -toa, "TOAMax": toa},
+        "FxBand": {"FxMin": low, "FxMax": high}, "TOASwath": {"TOAMin": -toa, "TOAMax": toa},
     }  # fmt: skip
     tree["SceneCoordinates"] = {
         "EarthModel": "WGS_84", "IARP": {"ECF": ORIGIN, "LLH": LLH},
@@ -98,7 +107,7 @@ def written(path, domain="FX", sign=-1, layout="CF8", without="", spoil=lambda v
         "RefChId": "VV", "FXFixedCPHD": True, "TOAFixedCPHD": True, "SRPFixedCPHD": True,
         "Parameters": [{
             "Identifier": "VV", "RefVectorIndex": time.size // 2, "FXFixed": True, "TOAFixed": True, "SRPFixed": True,
-            "Polarization": {"TxPol": "V", "RcvPol": "V"}, "FxC": middle, "FxBW": width, "TOASaved": 2.0 * toa,
+            "Polarization": {"TxPol": "V", "RcvPol": "V"}, "FxC": middle, "FxBW": high - low, "TOASaved": 2.0 * toa,
             "DwellTimes": {"CODId": "c", "DwellId": "d"},
         }],
     }  # fmt: skip
@@ -119,7 +128,14 @@ def written(path, domain="FX", sign=-1, layout="CF8", without="", spoil=lambda v
     unit = (sent + received) / 2.0 - ORIGIN
     closing = np.sum(velocity * unit, axis=1) / np.linalg.norm(unit, axis=1)
     vectors["aFDOP"], vectors["aFRR1"], vectors["aFRR2"] = -2.0 * closing / LIGHT, 2.0 * middle / LIGHT, 2.0 / LIGHT
-    values = {"FX1": LOW, "FX2": HIGH, "TOA1": -toa, "TOA2": toa, "SC0": axis[0], "SCSS": axis[1] - axis[0]}
+    values = {
+        "FX1": low,
+        "FX2": high,
+        "TOA1": -toa,
+        "TOA2": toa,
+        "SC0": axis[..., 0],
+        "SCSS": axis[..., 1] - axis[..., 0],
+    }
     for name in values.keys() - {without}:
         vectors[name] = values[name]
     vectors["SIGNAL"][3] = 0  # a pulse that was lost
@@ -139,27 +155,34 @@ def written(path, domain="FX", sign=-1, layout="CF8", without="", spoil=lambda v
     return places
 
 
+def focused(found, place_m):
+    return backprojected(found.one, found, place_m, found.frequency_hz)[0]
+
+
 @pytest.mark.parametrize(
-    ("domain", "sign", "layout"),
-    [("FX", -1, "CF8"), ("FX", 1, "CF8"), ("FX", 1, "CI4"), ("FX", -1, "CI2"), ("TOA", -1, "CF8"), ("TOA", 1, "CI2")],
-)
-def test_points_of_another_program_have_place_amplitude_and_phase(tmp_path, domain, sign, layout):
-    places = written(tmp_path / "other.cphd", domain, sign, layout)
+    ("domain", "sign", "layout", "hop"),
+    [
+        ("FX", -1, "CF8", 0.0), ("FX", 1, "CF8", 0.0), ("FX", 1, "CI4", 0.0), ("FX", -1, "CI2", 0.0),
+        ("TOA", -1, "CF8", 0.0), ("TOA", 1, "CI2", 0.0), ("FX", -1, "CI4", 0.01),
+    ],
+)  # fmt: skip
+def test_points_of_another_program_have_place_amplitude_and_phase(tmp_path, domain, sign, layout, hop):
+    places = written(tmp_path / "other.cphd", domain, sign, layout, hop=hop)
     if layout != "CF8":  # a lost pulse is NaN otherwise, which the checker does not expect
         with (tmp_path / "other.cphd").open("rb") as file:
             assert errors_of(CphdConsistency.from_file(file, thorough=True)) == {}
     found = read_cphd(tmp_path / "other.cphd")
     one = found.one
-    assert one.samples * one.step_hz == pytest.approx(HIGH - LOW, rel=0.02)
+    assert one.samples * one.step_hz == pytest.approx((HIGH - LOW) * (1.0 - 6.0 * hop), rel=0.03)
     coarse = 1.0 if domain == "FX" else 10.0  # times the ends of the sinc function that the window cuts off
     for place, amplitude in zip(places, AMPLITUDES, strict=True):
-        ratio = backprojected(one, found, (place[None] - ORIGIN) @ found.axes.T)[0, 0] / amplitude
+        ratio = focused(found, (place[None] - ORIGIN) @ found.axes.T)[0] / amplitude
         assert abs(np.degrees(np.angle(ratio))) < 0.5 * coarse
         assert 20.0 * np.log10(np.abs(ratio)) == pytest.approx(0.0, abs=0.05 * coarse)
         for axis, cell in ((one.track_m[-1] - one.track_m[0], 0.886 / one.band), (one.track_m.mean(axis=0), 0.45)):
             away = np.linspace(-0.5, 0.5, 201)
             line = (place - ORIGIN) @ found.axes.T + np.multiply.outer(away * cell, axis / np.linalg.norm(axis))
-            assert abs(away[np.abs(backprojected(one, found, line)[0]).argmax()]) < 0.01 * coarse
+            assert abs(away[np.abs(focused(found, line)).argmax()]) < 0.01 * coarse
 
 
 def test_the_image_has_the_points_at_their_pixels(tmp_path):
@@ -191,7 +214,7 @@ def test_own_files_give_back_the_image(forward_of, with_point, tmp_path, signals
     away = np.linspace(-4.0, 4.0, 161)
     for axis in (np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])):
         line = site_of(made.case, made.scene, own).ecf(place + np.multiply.outer(away, axis))
-        cut = np.abs(backprojected(found.one, found, (line - found.origin_m) @ found.axes.T)[0])
+        cut = np.abs(focused(found, (line - found.origin_m) @ found.axes.T))
         assert abs(away[cut.argmax()]) < 0.2
         assert 84.0 < cut.max() < 102.0  # two-way beam of -8 dB at the edges of the band
 
@@ -226,7 +249,7 @@ def test_a_part_of_the_image_has_the_pixels_of_the_whole(tmp_path):
         ("FX1", np.nan, r"\(FX1 is no number in some vectors\)"),
         ("SIGNAL", 0, "has 0 pulses with a signal, expected 2 or more"),
         ("SC0", 1e3, r"SC0 is 1000 Hz, expected samples between FX1 and FX2, 9.4e\+09 to 9.7e\+09"),
-        ("SCSS", -1e6, "differ in their frequencies"),
+        ("SCSS", -1e6, "have no common band"),
         ("TxPos", ORIGIN, "go back along the track, expected an advance"),
     ],
 )

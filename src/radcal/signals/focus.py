@@ -80,19 +80,21 @@ def _backproject(
             look, loss = k * looks // size, slant / middle
             weight = weights[k] * loss * loss / (beam[m] + (lit - m) * (beam[m + 1] - beam[m]))
             away = slant - distance[p]
-            below, row, share = cell_before(away * cells, n)
+            below, row, share = cell_before(away * cells[p], n)
             a = b = np.float32(0.0)
             for j in range(TAPS):
                 tap = table[row, j] + share * (table[row + 1, j] - table[row, j])
                 value = profiles[p, below + j]
                 a += tap * value.real
                 b += tap * value.imag
-            cosine, sine = turned(turns * away)
+            cosine, sine = turned(turns[p] * away)
             sums[look, i] += complex(weight * (a * cosine - b * sine), weight * (a * sine + b * cosine))
             total[look, i] += weights[k]
 
 
-def backprojected(one: Collection, signal: Pulses, place_m: NDArray[np.float64]) -> NDArray[np.complex64]:
+def backprojected(
+    one: Collection, signal: Pulses, place_m: NDArray[np.float64], frequency_hz: NDArray[np.float64] | None = None
+) -> NDArray[np.complex64]:
     """Complex looks of places.
 
     Parameters
@@ -103,6 +105,8 @@ def backprojected(one: Collection, signal: Pulses, place_m: NDArray[np.float64])
         Raw signal, of which some hundred pulses are in memory at once.
     place_m : ndarray, shape (n, 3)
         Azimuth, ground range and elevation of the places [m].
+    frequency_hz : ndarray, shape (2, pulses), optional
+        Middle frequency and frequency step of each pulse [Hz]; by default those of the collection.
 
     Returns
     -------
@@ -115,6 +119,9 @@ def backprojected(one: Collection, signal: Pulses, place_m: NDArray[np.float64])
     place_m = np.ascontiguousarray(place_m)
     sums, total = np.zeros((one.looks, len(place_m)), np.complex128), np.zeros((one.looks, len(place_m)))
     a, b = pulses_of(one, place_m)
+    if frequency_hz is None:
+        frequency_hz = np.repeat([[one.carrier_hz], [one.step_hz]], len(one.track_m), axis=1)
+    turns, cells = 2.0 * frequency_hz / LIGHT_MPS * np.array([[1.0], [transform.size]])
     pulses = min(_PULSES, max(_SAMPLES // one.samples, BLOCK))  # the order of sums does not depend on it
     for first in range(int(a.min()), int(b.max()), pulses):
         some = slice(first, min(first + pulses, int(b.max())))
@@ -122,8 +129,8 @@ def backprojected(one: Collection, signal: Pulses, place_m: NDArray[np.float64])
         profiles = range_profiles(one, converted(signal[some], one.bits))
         _backproject(
             len(place_m), profiles, table, place_m, low, high, one.track_m[some], one.aim[some], one.distance_m[some],
-            one.range_m, 2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * transform.size,
-            one.spot_m is not None, one.sines, one.middle_sine, weights, beam, widest, sums, total,
+            one.range_m, turns[some], cells[some], one.spot_m is not None, one.sines, one.middle_sine, weights, beam,
+            widest, sums, total,
         )  # fmt: skip
     return np.asarray(np.divide(sums, total, out=np.zeros_like(sums), where=total > 0.0), np.complex64)
 

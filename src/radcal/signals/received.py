@@ -26,7 +26,7 @@ _HEADER = 1 << 16  # bytes within which the header of a file ends
 _XML = 1 << 26  # bytes of a file's metadata
 _VECTOR = ("TxTime", "TxPos", "RcvPos", "SRPPos", "FX1", "FX2", "SC0", "SCSS")  # parameters that are used
 _WIDE = 100.0  # times the processed band is the beam of a file, so that it divides nothing out
-_EVEN = 1e-9  # relative difference of frequencies between pulses, below which they are the same
+_EVEN = 1e-9  # relative difference of bands in the domain of time between pulses, below which they are the same
 _LARGEST = 100_000_000  # pixels of an image
 _AT_ONCE = 1_000_000  # pixels that are focused at once
 
@@ -50,8 +50,10 @@ class Received:
         Reference point and unit vectors of the coordinates in earth-centred coordinates [m].
     plane, ends_m : ndarray, shape (2, 3) and (2, 2)
         Unit vectors of the image plane, and its first and last places along them [m].
-    numbers, kept : ndarray of int, shape (pulses,) and (frequencies,)
-        Vectors of the file, and samples of its spectrum, that are used.
+    numbers, first : ndarray of int, shape (pulses,)
+        Vectors of the file that are used, and the first sample of each one's spectrum that is used.
+    frequency_hz : ndarray, shape (2, pulses)
+        Middle frequency and frequency step of each pulse [Hz].
     scale : ndarray, shape (pulses,)
         Factor of the numbers of each vector.
     sign : int
@@ -68,7 +70,8 @@ class Received:
     plane: Doubles
     ends_m: Doubles
     numbers: NDArray[np.intp]
-    kept: NDArray[np.intp]
+    first: NDArray[np.intp]
+    frequency_hz: Doubles
     scale: Doubles
     sign: int
     delay: Doubles | None
@@ -81,14 +84,15 @@ class Received:
         with self.path.open("rb") as file, cphd.Reader(file) as reader:
             ends = [{"start_vector": int(run[0]), "stop_vector": int(run[-1]) + 1} for run in runs]
             read = np.concatenate([reader.read_signal(self.channel, **run) for run in ends])
-        signal = (read["real"].astype(np.float64) + 1j * read["imag"] if read.dtype.names else read) * scale
-        signal = signal if self.sign < 0 else signal.conj()
+        values = (read["real"].astype(np.float64) + 1j * read["imag"] if read.dtype.names else read) * scale
+        values = values if self.sign < 0 else values.conj()
+        kept = self.first[pulses, None] + np.arange(self.one.samples)
         if self.delay is not None:
-            turns = np.multiply.outer(self.delay[pulses], self.kept * self.one.step_hz)
-            signal = np.fft.fft(signal, axis=1)[:, self.kept % signal.shape[1]] * np.exp(-2j * np.pi * turns)
-            signal *= self.kept.size / read.shape[1]
+            turns = self.delay[pulses, None] * (kept * self.one.step_hz)
+            spectrum = np.fft.fft(values, axis=1) * (kept.shape[1] / read.shape[1])
+            signal = np.take_along_axis(spectrum, kept % read.shape[1], axis=1) * np.exp(-2j * np.pi * turns)
         else:
-            signal = signal[:, self.kept]
+            signal = np.take_along_axis(values, kept, axis=1)
         if (wrong := numbers[~np.isfinite(signal).all(axis=1)]).size:
             raise ConfigError(
                 f"{self.path}: vector {wrong[0]} of channel {self.channel!r} has samples that are no number."
@@ -114,8 +118,7 @@ def read_cphd(path: Path, channel: str | None = None) -> Received:
     Raises
     ------
     ConfigError
-        The file is no CPHD file, lacks what is needed, is bistatic or compressed, or has frequencies that differ from
-        pulse to pulse.
+        The file is no CPHD file, lacks what is needed, is bistatic or compressed, or its pulses have no common band.
     """
     from lxml import etree
 
@@ -176,35 +179,36 @@ def _read(path: Path, channel: str | None) -> Received:
         if not np.isfinite(values).all():
             raise ValueError(f"{name} is no number in some vectors")
     low, high = float(vectors["FX1"].max()), float(vectors["FX2"].min())
-    step, start = float(vectors["SCSS"][0]), vectors["SC0"]
+    steps, start = vectors["SCSS"], vectors["SC0"]
     arrival = _of(helper, "{*}Global/{*}DomainType") == "TOA"
-    even = [vectors["SCSS"], vectors["FX1"] + vectors["FX2"] if arrival else start]
-    if low >= high or step <= 0.0 or any(np.ptp(each) > _EVEN * abs(each[0]) for each in even):
-        raise ConfigError(f"{path}: pulses of channel {asked!r} differ in their frequencies, expected the same in all.")
+    if low >= high or steps.min() <= 0.0:
+        raise ConfigError(f"{path}: pulses of channel {asked!r} have no common band, expected FX1 below FX2 in all.")
     samples = int(_of(helper, f"{{*}}Data/{{*}}Channel[{{*}}Identifier='{asked}']/{{*}}NumSamples"))
     if arrival:  # its spectrum is about the middle of the band
-        step, middle = 1.0 / (samples * step), 0.5 * (low + high)
-        half = min(int(0.5 * (high - low) / step + 1e-6), (samples - 1) // 2)
-        kept = np.arange(-half, half + 1)
-        first_hz = middle - half * step
+        if any(np.ptp(each) > _EVEN * abs(each[0]) for each in (steps, vectors["FX1"] + vectors["FX2"])):
+            raise ConfigError(f"{path}: pulses of channel {asked!r} differ in their bands, expected the same in all.")
+        steps = 1.0 / (samples * steps)
+        count = min(int(0.5 * (high - low) / steps[0] + 1e-6), (samples - 1) // 2) * 2 + 1
+        first = np.full(len(steps), -(count // 2))
+        middle = np.full(len(steps), 0.5 * (low + high))
     else:
-        frequency = start[0] + np.arange(samples) * step
-        kept = np.flatnonzero((frequency > low - 0.5 * step) & (frequency < high + 0.5 * step))
-        if kept.size < 2:
+        first = np.maximum(np.floor((low - start) / steps - 0.5).astype(int) + 1, 0)
+        last = np.minimum(np.ceil((high - start) / steps + 0.5).astype(int) - 1, samples - 1)
+        if (count := int((last - first).min()) + 1) < 2:
             raise ConfigError(
                 f"{path}: SC0 is {start[0]:g} Hz, expected samples between FX1 and FX2, {low:g} to {high:g}."
             )
-        first_hz = float(frequency[kept[0]])
+        middle = start + (first + count // 2) * steps
     origin, plane, ends = _image_plane(helper)
-    one, axes = _collection(helper, asked, vectors, origin, (first_hz, step, kept.size))
+    one, axes = _collection(helper, asked, vectors, origin, (middle[0], steps[0], count))
     if (sign := int(_of(helper, "{*}Global/{*}SGN"))) not in (-1, 1):
         raise ConfigError(f"{path}: SGN is {sign}, expected -1 or 1.")
     if (np.diff(one.track_m[:, 0]) <= 0.0).any():
         raise ConfigError(
             f"{path}: TxPos and RcvPos of channel {asked!r} go back along the track, expected an advance."
         )
-    delay = start if arrival else None
-    return Received(path, asked, one, origin, axes, plane, ends, numbers, kept, scale, sign, delay)
+    frequency, delay = np.stack([middle, steps]), start if arrival else None
+    return Received(path, asked, one, origin, axes, plane, ends, numbers, first, frequency, scale, sign, delay)
 
 
 def _collection(
@@ -222,8 +226,8 @@ def _collection(
     line /= np.linalg.norm(line)
     axes = np.stack([along, line, np.cross(along, line)])
     track, reference = ((places - origin) @ axes.T for places in (centre, vectors["SRPPos"]))
-    first_hz, step, samples = band
-    carrier, slant = first_hz + samples // 2 * step, np.linalg.norm(track, axis=1)
+    carrier, step, samples = band
+    slant = np.linalg.norm(track, axis=1)
     spot = bool(np.ptp(reference, axis=0).max() < 1e-3)
     used = np.ones(count, np.bool_)
     if not spot:  # the pulses that see the reference point
@@ -335,7 +339,7 @@ def write_image(
     image = np.empty((rows.size, columns.size), np.complex64)
     for some in np.array_split(np.arange(rows.size), max(1, image.size // _AT_ONCE)):
         places = found.places_m(rows[some], columns).reshape(-1, 3)
-        image[some] = backprojected(one, found, places)[0].reshape(some.size, -1)
+        image[some] = backprojected(one, found, places, found.frequency_hz)[0].reshape(some.size, -1)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "focused.h5", folder / "focused.png"]
     with atomic(paths[0]) as partial, h5py.File(partial, "w") as file:
