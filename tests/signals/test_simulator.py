@@ -6,11 +6,12 @@ import pytest
 from radcal.config import case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
+from radcal.radar.radiometry import noise_floor_db
+from radcal.signals import simulator as made_by
 from radcal.signals.focus import focused
 from radcal.signals.platform import collection
 from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import scatterers
-from radcal.signals.simulator import FocusedSimulator
 from radcal.simulators.runner import Runner
 from radcal.simulators.sources import make_simulator
 from radcal.storage.runs import RunStore
@@ -34,8 +35,8 @@ def of(forward_of, with_point):
 
 @pytest.mark.parametrize("looks", [1, 2])
 def test_an_image_in_parts_is_that_of_all_echoes_together(of, tmp_path, looks):
-    """Level, noise, and the point, which stands in one of the two parts; the second run reads the unchanged part."""
-    simulator, flown = of(tmp_path / "geometry.h5", looks=looks)
+    """Level, and the point, which stands in one of the two parts; the second run reads the unchanged part."""
+    simulator, flown = of(tmp_path / "geometry.h5", looks=looks, nesz_db=-90.0)
     given = flown.case.materials["dyke"].model_copy(update={"start": X["dyke"]})
     case = flown.case.model_copy(update={"materials": {**flown.case.materials, "dyke": given}})
     one = collection(case, flown.scene)
@@ -45,15 +46,25 @@ def test_an_image_in_parts_is_that_of_all_echoes_together(of, tmp_path, looks):
     assert np.abs(parts - whole).max() < 1e-4 * np.sqrt(np.mean(np.abs(whole) ** 2))
     image_db = simulator.run(X, 7)
     np.testing.assert_allclose(image_db, 10.0 * np.log10(np.mean(np.abs(parts) ** 2, axis=0)), rtol=1e-5)
-    assert simulator.identity == {"kind": "builtin", "version": 3, "focused": 1}
+    assert simulator.identity == {"kind": "builtin", "version": 3, "focused": 2}
+
+
+def test_noise_is_that_of_the_pass_at_all_ranges(forward_of):
+    radar = {"looks": 1, "nesz_db": [[44.0, -16.0], [46.0, -4.0]]}
+    flown = forward_of(simulator=FOCUSED, radar=radar)
+    simulator = make_simulator(STAGES["reference_run"].of(flown.case), flown.geometry, "", flown.scene)
+    dark = {"dyke": [-90.0], "grass": [-90.0]}
+    rows = np.mean([10.0 ** (simulator.run(dark, seed) / 10.0) for seed in range(12)], axis=(0, 2))
+    floor = 10.0 ** (noise_floor_db(flown.case.radar, flown.geometry.flat_incidence_deg) / 10.0)
+    assert floor[-1] > 3.0 * floor[0]
+    for part in np.array_split(np.arange(rows.size), 4):
+        assert 10.0 * np.log10(rows[part].mean() / floor[part].mean()) == pytest.approx(0.0, abs=0.15)
 
 
 def test_what_does_not_change_is_focused_once_for_each_seed_and_fixed_law(of, tmp_path, monkeypatch):
     simulator, _ = of(tmp_path / "geometry.h5")
-    noise, of_class = [], FocusedSimulator._focused
-    monkeypatch.setattr(
-        FocusedSimulator, "_focused", lambda self, one, *rest: noise.append(one.noise_m2) or of_class(self, one, *rest)
-    )
+    noise = []
+    monkeypatch.setattr(made_by, "focused", lambda one, *rest: noise.append(one.noise_m2) or focused(one, *rest))
 
     def kept_after(x, seed):
         noise.clear()
@@ -62,11 +73,11 @@ def test_what_does_not_change_is_focused_once_for_each_seed_and_fixed_law(of, tm
 
     first = kept_after(X, 7)
     again, other = kept_after(X, 7), kept_after({**X, "dyke": [-5.0]}, 7)
-    assert [found[:2] for found in (first, again, other)] == [(1, 2), (0, 1), (0, 1)]
+    assert [found[:2] for found in (first, again, other)] == [(1, 3), (0, 1), (0, 1)]
     np.testing.assert_array_equal(first[2], again[2])
     assert np.abs(first[2] - other[2]).max() > 5.0
-    assert kept_after({**X, "grass": [-9.0]}, 7)[:2] == (1, 2)
-    assert kept_after(X, 8)[:2] == (1, 2)
+    assert kept_after({**X, "grass": [-9.0]}, 7)[:2] == (1, 3)
+    assert kept_after(X, 8)[:2] == (1, 3)
     parts = sorted((tmp_path / "focused").iterdir())
     assert len(parts) == 3
     for path in parts:

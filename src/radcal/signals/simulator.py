@@ -15,18 +15,20 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.config.stages import model_of
 from radcal.radar import simulator_version
+from radcal.radar.earth import line_of_sight
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import LitFacets
+from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
 from radcal.signals.focus import check, focused
-from radcal.signals.platform import Collection, collection
+from radcal.signals.platform import collection, nesz
 from radcal.signals.record import RawSignal, kept
-from radcal.signals.scatterers import drawn_on, facets_of
+from radcal.signals.scatterers import Scatterers, drawn_on, facets_of
 from radcal.simulators.forward import Flown
 from radcal.storage.files import digest
 
-_VERSION = 1  # part of the key of a run: raised when the image of the same settings changes
+_VERSION = 2  # part of the key of a run: raised when the image of the same settings changes
 
 Looks = NDArray[np.complex64]
 
@@ -35,7 +37,8 @@ class FocusedSimulator:
     """Simulator of focused images, on the pixels of the fast image and in its radiometry.
 
     The amplitude of the image is the sum of those of its materials. What does not change from run to run, namely fixed
-    materials, objects and noise, is simulated once for each seed; a run adds the calibrated materials.
+    materials, objects and noise, is simulated once for each seed; a run adds the calibrated materials. Noise has the
+    level of ``radar.nesz_db`` at all ranges; that of a receiver alone grows with the third power of range.
 
     Parameters
     ----------
@@ -85,7 +88,8 @@ class FocusedSimulator:
         changing = np.array([False, *(name in case.calibrated for name in scene.names), False])[:, None]
 
         def unchanged() -> Looks:
-            return self._focused(self._one, tables * ~changing, seed)
+            noise = focused(self._one, RawSignal(self._one, Scatterers.none(), seed)[:], self._flown)
+            return self._focused(tables * ~changing, seed) + noise * self._noise_gain()[:, None]
 
         if self._folder is None:
             looks = unchanged()
@@ -95,9 +99,18 @@ class FocusedSimulator:
             fixed = hashlib.sha256(tables * ~changing).hexdigest()
             looks = kept(self._folder / f"{digest([*described, fixed])}.h5", unchanged)
         if changing.any():
-            looks += self._focused(replace(self._one, noise_m2=0.0), tables * changing, seed)
+            looks += self._focused(tables * changing, seed)
         return looks
 
-    def _focused(self, one: Collection, tables: NDArray[np.float32], seed: int) -> Looks:
-        found = drawn_on(self._facets, tables, self._flown.case.radar, seed)
+    def _noise_gain(self) -> NDArray[np.float32]:
+        """Amplitude of the configured noise in each row, divided by that of the receiver's."""
+        radar, incidence = self._flown.case.radar, self._flown.geometry.flat_incidence_deg
+        first = line_of_sight(radar).slant_range_m(float(incidence[0]))
+        slant = first + np.arange(incidence.size) * radar.range_spacing_m
+        floor_db = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), incidence)
+        own = [nesz(self._one, *row) for row in zip(slant.tolist(), incidence.tolist(), strict=True)]
+        return np.asarray(np.sqrt(10.0 ** (np.asarray(floor_db) / 10.0) / own), np.float32)
+
+    def _focused(self, tables: NDArray[np.float32], seed: int) -> Looks:
+        one, found = replace(self._one, noise_m2=0.0), drawn_on(self._facets, tables, self._flown.case.radar, seed)
         return focused(one, RawSignal(one, found, seed)[:], self._flown)
