@@ -10,13 +10,13 @@ from radcal.errors import ConfigError, StoreError
 from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED
 from radcal.session.session import Session, is_dry_run, open_session
 from radcal.storage.provenance import provenance
-from radcal.storage.records import REPLACE, write_json
+from radcal.storage.records import write_json
 
 
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in (CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED, REPLACE):
+    for name in (CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED):
         monkeypatch.setenv(name, "before")  # put back afterwards, whatever the session sets
 
 
@@ -78,9 +78,9 @@ def test_another_command_is_no_dry_run(words):
 
 
 def test_jobs_hear_of_their_case(build_case):
-    session = Session(build_case(replace=True))
+    session = Session(build_case())
     assert session.folder == Path("results/dyke")
-    assert (os.environ[CASE], os.environ[REPLACE], os.environ[OWNER]) == ("dyke", "1", str(os.getpid()))
+    assert (os.environ[CASE], os.environ[OWNER]) == ("dyke", str(os.getpid()))
     assert os.environ[FAILURE] == str(Path("results/dyke/logs/failure.txt").absolute())
     assert float(os.environ[STARTED]) > 0
     assert PROGRESS not in os.environ
@@ -97,7 +97,6 @@ def test_a_job_on_a_cluster_keeps_the_clock_of_who_submitted_it(build_case):
     Session(build_case(), remote=True)
     assert os.environ[STARTED] == "before"
     assert os.environ[PROGRESS] == str(Path("results/dyke/logs/progress.txt").absolute())
-    assert REPLACE not in os.environ
 
 
 @pytest.mark.parametrize("path", ["results", "results/dyke"])

@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 from sealed import changed, flip, seal
 
 from radcal.config.stages import SCHEMAS
-from radcal.errors import ConfigError, DamagedError, StoreError
+from radcal.errors import DamagedError, StoreError
 from radcal.storage.inspection import inspect, set_aside
 from radcal.storage.provenance import provenance
-from radcal.storage.records import REPLACE, read_hdf5, read_json, write_hdf5, write_json
+from radcal.storage.records import read_hdf5, read_json, write_hdf5, write_json
 
 X = np.arange(3000, dtype=np.float32)
 
@@ -128,33 +128,6 @@ def test_a_file_that_somebody_has_replaced_meanwhile_is_not_set_aside(tmp_path):
     inspect(path, "scene")
     set_aside(path, "is damaged", path.stat().st_ino)
     assert left_in(tmp_path) == ["a.damaged"]
-
-
-def test_beside_a_finished_calibration_only_the_same_is_written(tmp_path, monkeypatch):
-    monkeypatch.delenv(REPLACE, raising=False)
-
-    def protected(values, looks, alike=False):
-        config = {"radar": {"looks": looks}}
-        with provenance("dyke", config), write_hdf5(path, "scene", protected=True, alike=lambda _: alike) as file:
-            file["x"] = values
-
-    path = tmp_path / "a.h5"
-    protected(X, 4)
-    protected(X + 1, 4)  # no calibration stands on it yet
-    (tmp_path / "calibration.h5").touch()
-    before = path.read_bytes()
-    with pytest.raises(ConfigError, match=r"calibration of another scene \(radar\.looks is 4 there, 8 here\), which"):
-        protected(X + 2, 8)
-    with pytest.raises(ConfigError, match="the files that it is made from are others"):
-        protected(X + 2, 4)
-    protected(X + 1, 8)  # the same numbers
-    assert path.read_bytes() == before
-    protected(X + 2, 4, alike=True)  # other numbers that mean the same
-    assert path.read_bytes() != before
-    monkeypatch.setenv(REPLACE, "1")
-    protected(X + 3, 8)
-    with read_hdf5(path, "scene") as file:
-        assert file["x"][0] == 3.0
 
 
 def test_another_kind_version_or_case_is_named_and_set_aside(tmp_path):

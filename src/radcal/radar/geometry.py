@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from radcal.config import Radar
 from radcal.errors import StoreError
 from radcal.radar import simulator_version
-from radcal.storage.dataclass_groups import put, same, take
+from radcal.storage.dataclass_groups import put, take
 from radcal.storage.records import read_hdf5, write_hdf5
 
 
@@ -288,22 +288,10 @@ def write_geometry(path: str | Path, geometry: Geometry, radar: Radar, immateria
     immaterial : iterable of str, optional
         Keys of the pass that affect neither the geometry nor any run. If only the values of immaterial keys have
         changed, the file stays the same.
-
-    Raises
-    ------
-    ConfigError
-        The folder of the file holds the results of a finished calibration that used another geometry. The geometry of
-        the same pass by another version of the simulator causes no error: its file is replaced.
     """
-    version = simulator_version(radar.earth)
-    described = _recorded_pass(Path(path), _described(radar), set(immaterial))
-
-    def alike(file: h5py.File) -> bool:
-        return bool(file.attrs.get("pass") == described and same(take(file, Geometry), geometry))
-
-    with write_hdf5(path, "geometry", protected=not _outdated(path, described, version), alike=alike) as file:
-        file.attrs["pass"] = described
-        file.attrs["simulator"] = version
+    with write_hdf5(path, "geometry") as file:
+        file.attrs["pass"] = _recorded_pass(Path(path), _described(radar), set(immaterial))
+        file.attrs["simulator"] = simulator_version(radar.earth)
         put(file, geometry)
 
 
@@ -327,15 +315,6 @@ def is_of_pass(path: str | Path, radar: Radar, immaterial: Iterable[str]) -> boo
 def _described(radar: Radar) -> str:
     """Description of a pass, as a file of its geometry stores it."""
     return json.dumps(radar.described(), separators=(",", ":"), ensure_ascii=False)
-
-
-def _outdated(path: str | Path, described: str, version: int) -> bool:
-    """Whether a file contains the geometry of the pass ``described``, computed by another version of the simulator."""
-    try:
-        with read_hdf5(path, "geometry") as file:
-            return bool(file.attrs.get("pass") == described and file.attrs.get("simulator") != version)
-    except StoreError:
-        return False
 
 
 def _recorded_pass(path: Path, ours: str, immaterial: Container[str]) -> str:

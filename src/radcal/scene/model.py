@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.scene.objects import Objects
-from radcal.storage.dataclass_groups import put, same, take
-from radcal.storage.records import read_hdf5, read_item, write_hdf5
+from radcal.storage.dataclass_groups import take
+from radcal.storage.records import read_hdf5, read_item, write_item
 
 _LARGEST_PICTURE = 1200  # largest number of cells per side
 
@@ -118,17 +118,8 @@ class Scene:
 
 
 def write_scene(path: str | Path, scene: Scene) -> None:
-    """Write a scene to an HDF5 file, atomically.
-
-    Raises
-    ------
-    ConfigError
-        The folder of the file holds the results of a finished calibration that used another scene.
-    """
-    told = ("findings", "imagery")  # which affect no result
-    ours = replace(scene, findings=(), imagery=None)
-    with write_hdf5(path, "scene", protected=True, alike=lambda file: same(take(file, Scene, told), ours)) as file:
-        put(file, scene)
+    """Write a scene to an HDF5 file, atomically."""
+    write_item(path, "scene", scene)
 
 
 def read_scene(path: str | Path) -> Scene:

@@ -27,7 +27,7 @@ from radcal.session.slurm import cancel_leftovers, remember
 from radcal.session.terminal import BAR, Bar, Guarded, Messages, Repeated, can_draw, guard, write_protected
 from radcal.storage.files import unwritable
 from radcal.storage.lock import CaseLock, leave
-from radcal.storage.records import REPLACE, read_json
+from radcal.storage.records import read_json
 from radcal.words import sentence
 
 _SNAKEMAKE = Path(".snakemake")
@@ -173,7 +173,6 @@ class Session:
             PASSES: str(len(case.passes)),
             OWNER: str(os.getpid()),
             FAILURE: str(self._failure),
-            REPLACE: "1" if case.replace else None,
             PROGRESS: str(self._progress) if remote else None,
             BAR: None,
             # a remote job keeps the start time of the process that submitted it

@@ -10,10 +10,9 @@ import functools
 import hashlib
 import io
 import json
-import os
 import platform
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -22,19 +21,15 @@ from typing import Any, TypeVar
 import h5py
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from radcal.config.disclosure import disclosed
 from radcal.config.stages import SCHEMAS
-from radcal.errors import ConfigError, StoreError
+from radcal.errors import StoreError
 from radcal.storage.dataclass_groups import put, take
-from radcal.storage.files import atomic, case_folder, first_difference
+from radcal.storage.files import atomic
 from radcal.storage.inspection import check_case, inspect, inspect_file, set_aside, unreachable
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
 T = TypeVar("T")
-
-REPLACE = "RADCAL_REPLACE"
-"""Environment variable that allows the replacement of a finished calibration; the session sets it for ``replace``."""
 
 _PACKAGES = ("numpy", "scipy", "h5py")
 version = functools.cache(metadata.version)  # each call parses a file, and a record makes four
@@ -72,9 +67,7 @@ class _Partial(io.FileIO):
 
 
 @contextlib.contextmanager
-def write_hdf5(
-    path: str | Path, kind: str, protected: bool = False, alike: Callable[[h5py.File], bool] = lambda _: False
-) -> Iterator[h5py.File]:
+def write_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
     """Yield a new HDF5 file, which is written to ``path`` with checksum and provenance after the ``with`` block.
 
     If ``path`` already has the same content, the earlier bytes are kept, including the provenance; only the time stamp
@@ -86,18 +79,9 @@ def write_hdf5(
         Path of the file.
     kind : str
         Kind of the file, one of the keys of :data:`~radcal.config.stages.SCHEMAS`.
-    protected : bool
-        Whether to raise a ConfigError if the folder has a finished calibration that was made with an earlier file of
-        other content. The environment variable :data:`REPLACE` switches this protection off.
-    alike : callable, optional
-        Function that receives an earlier protected file, which may have the layout of an earlier version, and returns
-        whether this file has the same values as the new file. If the function returns true, the earlier file is
-        replaced without an error.
 
     Raises
     ------
-    ConfigError
-        The earlier file is protected.
     StoreError
         The file cannot be written.
     """
@@ -113,8 +97,6 @@ def write_hdf5(
         finally:
             made.check()
         content = made.sha256()
-        if protected and REPLACE not in os.environ:
-            keep_finished(path, kind, origin().config, lambda old: old.attrs["content"] == content or alike(old))
         if _holds(path, kind, content):
             made.close()
             shutil.copyfile(path, partial)
@@ -134,51 +116,6 @@ def write_hdf5(
         made.seek(0)
         made.write(header(total, size))
         made.check()
-
-
-def keep_finished(path: Path, kind: str, config: Mapping[str, Any] | None, alike: Callable[[h5py.File], bool]) -> None:
-    """Raise an error if a finished calibration was made with a file that another file would replace.
-
-    Parameters
-    ----------
-    path : Path
-        Path of the file.
-    kind : str
-        Kind of the file, one of the keys of :data:`~radcal.config.stages.SCHEMAS`.
-    config : mapping or None
-        Sections of the configuration from which the other file is made, for the error message.
-    alike : callable
-        Function that receives the file and returns whether the other file has the same values.
-
-    Raises
-    ------
-    ConfigError
-        The folder of the file has a finished calibration, and the file is undamaged and not ``alike``.
-    """
-    folder = case_folder(path)
-    if not (folder / "calibration.h5").is_file():
-        return
-    try:
-        inspect_file(path, kind)
-    except (Fault, OSError, StoreError):
-        return  # a missing or damaged file need not be protected
-    with understood(path), h5py.File(path, "r", locking=False) as file:
-        if alike(file):
-            return
-        theirs = disclosed(json.loads(file["config"].asstr()[()])) if "config" in file else {}
-        made_by = str(file.attrs["radcal"])
-    ours = json.loads(json.dumps(config or {}, default=str))
-    if theirs != ours:
-        why = first_difference(theirs, ours)
-    elif made_by != version("radcal"):
-        why = f"it was made by radcal {made_by}, this is {version('radcal')}"
-    else:
-        why = "the files that it is made from are others"
-    raise ConfigError(
-        f"{folder} holds a finished calibration of another {kind} ({why}), which stays as it is: give this one a "
-        "name of its own (case: ...), or add --config replace=true (to radcal run: --set replace=true) to have those "
-        "results replaced (runs are kept)."
-    )
 
 
 def _holds(path: Path, kind: str, content: str) -> bool:
