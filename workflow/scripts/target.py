@@ -2,7 +2,7 @@
 
 from radcal.objectives import objective_class
 from radcal.radar.geometry import read_geometry
-from radcal.registration.height_shift import height_findings
+from radcal.registration.height_shift import with_height_finding
 from radcal.registration.registered import read_registered
 from radcal.scene.model import read_scene
 from radcal.session.jobs import job, progress
@@ -19,5 +19,6 @@ with job(snakemake) as case:
     misfit, partly = objective_class(case.objective).misfit, snakemake.wildcards.p != "1"
     targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
     write_targets(snakemake.output.target, targets)
-    for text in (*map(sentence, height_findings(registered, geometry, scene, case.radar)), *targets.sentences()):
+    found = with_height_finding(registered, geometry, scene, case.radar).measurement.findings
+    for text in (*[sentence(one) for one in found if one.code == "height_shift"], *targets.sentences()):
         progress(text)
