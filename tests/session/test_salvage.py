@@ -7,9 +7,8 @@ import pytest
 from sealed import flip
 
 from radcal.session.salvage import salvage
-from radcal.storage.listing import write_listing
 from radcal.storage.provenance import provenance
-from radcal.storage.records import write_hdf5, write_json
+from radcal.storage.records import write_hdf5, write_json, write_listing
 from radcal.storage.runs import Record, RunStore
 
 PATTERNS = (

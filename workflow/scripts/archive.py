@@ -11,8 +11,7 @@ from radcal.results.archive import write_archive
 from radcal.results.results import archive_of
 from radcal.scene.model import read_scene
 from radcal.session.jobs import job
-from radcal.storage.listing import write_listing
-from radcal.storage.records import read_item, write_json
+from radcal.storage.records import read_item, write_json, write_listing
 from radcal.storage.run_index import indexed
 from radcal.targets.target import read_targets
 

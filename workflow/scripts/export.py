@@ -7,7 +7,7 @@ from radcal.results.archive import read_archive
 from radcal.scene.model import read_scene
 from radcal.session.jobs import job, progress
 from radcal.simulators.sources import make_simulator
-from radcal.storage.listing import write_listing
+from radcal.storage.records import write_listing
 
 with job(snakemake) as case:
     scene, geometries = read_scene(snakemake.input.scene), [read_geometry(path) for path in snakemake.input.geometry]

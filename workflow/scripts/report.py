@@ -8,7 +8,7 @@ from radcal.page.html import write_report
 from radcal.page.provenance import provenance_of
 from radcal.results.archive import read_archive
 from radcal.session.jobs import COMMAND, job, progress
-from radcal.storage.listing import write_listing
+from radcal.storage.records import write_listing
 
 with job(snakemake):
     archive = read_archive(snakemake.input.archive)

@@ -80,7 +80,7 @@ def score(
         kind=kind,
         index=index,
         keys=[record.key for record in records],
-        seconds=sum(record.all_seconds for record in records),
+        seconds=sum(draw.seconds for record in records for draw in (record, *record.draws)),
         scores=scores,
     )
 

@@ -104,11 +104,6 @@ class Stage:
         """Model of the part of the configuration that the stage reads."""
         return model_of(*self.reads)
 
-    @property
-    def sections(self) -> list[str]:
-        """Keys of a case file that the stage reads."""
-        return [one.alias or name for name, one in self.model.model_fields.items()]
-
     def of(self, case: Part) -> Part:
         """Part of a case that the stage reads."""
         return self.model.of(case)

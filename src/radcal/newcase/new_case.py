@@ -132,12 +132,6 @@ class NewCase:
         list of str
             Sentences about the files that were written.
         """
-        try:
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(
-                f"{self.path}: cannot be written ({error.strerror}), expected a path in a folder."
-            ) from None
         for path, text in {**self._made_up, self.path: self.text}.items():
             with atomic(path) as partial:
                 partial.write_text(text, "utf-8")

@@ -146,7 +146,7 @@ class Radar(Section):
                     f" is {self.incidence_deg:g} and earth is flat, expected earth: curved, or "
                     f"depression_deg: {90.0 - self.incidence_deg:g} instead of incidence_deg",
                 )
-            if self.maybe_in_km:
+            if _ORBITS_KM[0] <= self.altitude_m < _ORBITS_KM[1]:
                 raise Wrong(
                     "altitude_m",
                     f" is {self.altitude_m:g} beside incidence_deg {self.incidence_deg:g}, expected metres: "
@@ -177,11 +177,6 @@ class Radar(Section):
         """Plain data that identify the pass: without the sensor's name and without unused keys of later versions."""
         data = self.model_dump(mode="json", exclude={"sensor"})
         return {key: value for key, value in data.items() if key not in _LATER or value != _LATER[key]}
-
-    @property
-    def maybe_in_km(self) -> bool:
-        """Whether the altitude would be that of a low orbit if its number were in km."""
-        return _ORBITS_KM[0] <= self.altitude_m < _ORBITS_KM[1]
 
     @property
     def centre_incidence_deg(self) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import os
 import re
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,11 +15,10 @@ from radcal.config import Case
 from radcal.config.stages import OUTPUTS
 from radcal.errors import DamagedError, StoreError
 from radcal.radar import simulator_version
-from radcal.storage.files import clamp_future_mtimes
+from radcal.storage.files import clamp_future_mtimes, file_sha256
 from radcal.storage.inspection import inspect, kind_of, set_aside
-from radcal.storage.listing import faulty, listed
 from radcal.storage.provenance import provenance
-from radcal.storage.records import read_json
+from radcal.storage.records import CHECKSUMS, read_json
 from radcal.storage.run_index import read_index
 from radcal.storage.runs import RunStore
 from radcal.storage.sealing import Fault
@@ -75,7 +75,7 @@ def salvage(folder: str | Path, case: str) -> list[str]:
     with provenance(case):
         contents = {path: _contents(path, sentences) for path in sealed}
     for path, data in contents.items():
-        _listing(path, listed(data), sentences)
+        _listing(path, _listed(data), sentences)
     kept = _records(folder / "runs", sentences)
     _indexes(folder, {path: _keys(data) - kept for path, data in contents.items()}, sentences)
     return sentences
@@ -141,7 +141,7 @@ def _few(names: Sequence[str]) -> str:
 def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> None:
     """Rename table, report and figures that differ from their listed checksums, so that jobs make them again."""
     try:
-        found = faulty(path.parent, checksums)
+        found = _faulty(path.parent, checksums)
     except Fault as fault:
         sentences.append(_here(set_aside(path, str(fault))))
         return
@@ -156,6 +156,32 @@ def _listing(path: Path, checksums: Mapping[str, str], sentences: list[str]) -> 
             sentences.append(_here(set_aside(file, reason, aside=path.parent / f"{file.name}.damaged")))
     if found:
         _remove(path)
+
+
+def _listed(data: Any) -> Mapping[str, str]:
+    """Checksums by file name from the content of a JSON file; empty if the file is not a list of checksums."""
+    found = data.get(CHECKSUMS) if isinstance(data, dict) else None
+    return found if isinstance(found, dict) else {}
+
+
+def _faulty(folder: str | Path, checksums: Mapping[str, str]) -> dict[Path, str]:
+    """Listed files that are missing or differ from their checksum, each with a text that describes the fault.
+
+    A Fault tells a listed file that does not lie below the folder of the list.
+    """
+    found = {}
+    top = Path(os.path.realpath(folder))
+    for name, expected in checksums.items():
+        path = Path(folder) / name
+        if "\0" in name or top not in Path(os.path.realpath(path)).parents:
+            raise Fault(f"names {name!r}, expected a file below {folder}")
+        if not path.exists():
+            found[path] = "is missing"
+        elif not path.is_file():
+            found[path] = "is no file"
+        elif file_sha256(path) != expected:
+            found[path] = "is damaged or was changed (it differs from its checksum)"
+    return found
 
 
 def _remove(path: Path) -> None:

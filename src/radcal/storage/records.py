@@ -12,7 +12,7 @@ import io
 import json
 import platform
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -24,13 +24,15 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from radcal.config.stages import SCHEMAS
 from radcal.errors import StoreError
 from radcal.storage.dataclass_groups import put, take
-from radcal.storage.files import atomic
+from radcal.storage.files import atomic, file_sha256
 from radcal.storage.inspection import check_case, inspect, inspect_file, set_aside, unreachable
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import BLOCK, Fault, header
 
 T = TypeVar("T")
 
+CHECKSUMS = "checksums"
+"""Key of a JSON list of the checksums of files whose format leaves no place for one."""
 _PACKAGES = ("numpy", "scipy", "h5py")
 version = functools.cache(metadata.version)  # each call parses a file, and a record makes four
 
@@ -180,6 +182,28 @@ def write_json(path: str | Path, data: Any, flat: bool = False) -> None:
     with atomic(path) as partial:
         total = hashlib.sha256(rest.encode()).hexdigest()
         partial.write_text(f'{{\n "sha256": "{total}",\n{rest}', encoding="utf-8")
+
+
+def write_listing(path: str | Path, files: Iterable[str | Path]) -> None:
+    """Write a JSON list with the SHA-256 checksum of each given file.
+
+    Parameters
+    ----------
+    path : path
+        Path of the list. One workflow rule must write both the listed files and the list. Snakemake then removes both
+        before the rule runs again, so that the list always belongs to the present files.
+    files : iterable of path
+        Files in the folder of the list or in its subfolders.
+
+    Raises
+    ------
+    StoreError
+        The list cannot be written.
+    """
+    folder = Path(path).parent
+    write_json(
+        path, {CHECKSUMS: {Path(file).relative_to(folder).as_posix(): file_sha256(Path(file)) for file in files}}
+    )
 
 
 def read_json(path: str | Path) -> Any:

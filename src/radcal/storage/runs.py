@@ -55,11 +55,6 @@ class Record:
     seconds: float
     draws: tuple[Record, ...] = ()
 
-    @property
-    def all_seconds(self) -> float:
-        """Wall time of the simulator in all draws [s]."""
-        return sum(draw.seconds for draw in (self, *self.draws))
-
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""
         each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
