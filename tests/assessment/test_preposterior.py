@@ -22,7 +22,7 @@ from radcal.posterior.result import WHOLE_DEG, KeptDraws
 
 EXACT = Uncertainty(level_db=0.0, noise_db=0.0)
 FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
-AT_30, AT_50 = np.array([120]), np.array([200])  # places of 30 and 50 degrees in the grid
+AT_50 = np.array([200])  # place of 50 degrees in the grid
 LOOKS = 4.0
 MANY = 10**9  # independent pixels
 KEYS = ("patch", "independent", "noise_db")
@@ -62,11 +62,6 @@ def sd(values):
 
 def sd_left(draws, seen, at, config=EXACT, own=(), same=False):
     return float(half_widths_after(draws, FLAT, own, seen, LOOKS, config, at, same)[0] / 1.6448536269514722)
-
-
-def at_30(draws):
-    """Variance of the curve at 30 degrees [dB^2]."""
-    return sd(draws.form_db[:, 30]) ** 2
 
 
 @pytest.mark.parametrize("same", [False, True])

@@ -110,17 +110,6 @@ def test_the_interval_is_that_of_law_form_speckle_level_noise_and_fields():
     has(1.0, predicted(drawn(), loud, noise_db=2.0)[0])
 
 
-def test_the_middle_is_the_image_moved_by_law_and_form():
-    first, second = predicted(drawn(), bins_of())
-    assert first.predicted_db == pytest.approx(float(LAW(np.radians(30.0), X)) + 1.5, abs=0.02)
-    assert (first.measured_db, first.pixels) == (pytest.approx(float(LAW(np.radians(30.0), X)) + 1.1), 400)
-    assert second.incidence_deg == 50.0
-    posterior = drawn()
-    posterior.draws = replace(posterior.draws, form_db=posterior.draws.form_db + 0.02 * WHOLE_DEG)
-    moved = predicted(posterior, bins_of())
-    assert moved[1].predicted_db - second.predicted_db == pytest.approx(1.0, abs=1e-6)
-
-
 def test_the_interval_of_the_constant_is_that_of_its_mean_fields_cells_speckle_level_and_noise():
     """In noise as strong as the constant, its level is raised by 3 dB, and an error of the noise counts by half.
 
@@ -203,12 +192,6 @@ def test_the_level_of_a_bin_is_the_mean_power_of_its_parts_averaged_in_db():
     none = seen.levels_db(np.where(np.arange(6) < 3, np.nan, image))
     assert np.isnan(none[0])
     assert none[1] == pytest.approx(5.0 * np.log10(27.0))
-
-
-def test_ground_in_the_noise_moves_less_with_its_law():
-    clear, noisy = (predicted(drawn(level_sd=0.4), bins_of(10**4, noise))[0] for noise in (-300.0, -8.5))
-    # signal and noise have the same level at 30 degrees
-    assert half(noisy) == pytest.approx(0.5 * half(clear), rel=0.1)
 
 
 def test_angles_are_called_what_they_are():
@@ -325,20 +308,6 @@ def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, 
     _, other = written(tmp_path, "dyke: {parameters: [1, 2, 3, 4]}")
     with pytest.raises(StoreError, match=r"calibration\.h5: holds other contents than radcal writes"):
         apply(tmp_path, other, None, tmp_path / "out", tmp_path / "runs")
-
-
-def test_the_law_is_taken_at_the_incidence_of_each_part():
-    """A bin of parts at two angles moves by the mean of the law's changes at both, weighted by their pixels."""
-    seen, phi = divided(bins_of(10**6), [0.8, 0.2], [1, 1]), np.radians([25.0, 35.0])
-    seen = replace(seen, parts=replace(seen.parts, middle_deg=np.array([25.0, 35.0, 50.0, 50.0])))
-    posterior, mangia, x = drawn(), LAWS["mangia"], np.array([-20.0, 8.0, 12.0, 4.0])
-    posterior.draws = replace(posterior.draws, parameters=np.tile(x + [0.0, 0.0, 0.0, 1.5], (4000, 1)))
-    exact = Uncertainty(level_db=0.0, noise_db=0.0)
-    moved = predictive_db(posterior, mangia, x.tolist(), seen, exact, np.random.default_rng(5))
-    expected = float(np.average(mangia(phi, x + [0.0, 0.0, 0.0, 1.5]) - mangia(phi, x), weights=[0.8, 0.2]))
-    assert np.median(moved[:, 0]) == pytest.approx(expected, abs=1e-3)
-    found = next(predictions("dyke", posterior, seen, np.full(2 * 10**6, -5.0), by_law(moved)))
-    assert (found.predicted_db, found.inside) == (pytest.approx(-5.0 + expected, abs=1e-3), None)
 
 
 def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path):

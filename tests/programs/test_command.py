@@ -94,17 +94,6 @@ def test_only_the_beginning_of_a_version_is_read(make):
     assert simulator.identity["version"] == "v 2 " + 196 * "x"
 
 
-def test_parameters_go_in_and_the_image_comes_back(make, geometry, tmp_path):
-    import random
-
-    draw = random.Random(7)
-    expected = 0.1 + np.array([draw.gauss(0, 1) for _ in range(geometry.shape[0] * geometry.shape[1])])
-    image = make().run(X, 7)
-    assert image.dtype == np.float32
-    np.testing.assert_allclose(image, expected.reshape(geometry.shape), atol=1e-6)
-    assert folders(tmp_path) == []
-
-
 def test_input_files_templates_and_arguments_say_the_same(make, tmp_path, radar):
     script = WORKING + "json.dump(sys.argv[2:], open('arguments.json', 'w'))\n"
     (tmp_path / "t.tpl").write_text("mv %dyke.mv%\ns %dyke.s:9.2e%\n%grass.X1% %grass.X2% %grass.X3% %grass.X4%")

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from radcal.errors import ConfigError, SimulatorError
+from radcal.errors import ConfigError
 from radcal.programs.placeholders import argument, template
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
@@ -19,22 +19,6 @@ def test_numbers_are_written_in_full(x, seed):
     assert rest == f"{{{seed}}}"
     line = template("a @ wet field-2.X1 @ $@noise_seed@\n", "@", "key").filled(values)
     assert line == f"a {x!r} ${seed}\n"
-
-
-@given(st.binary(max_size=200))
-def test_all_bytes_around_markers_stay_as_they_are(content):
-    around = content.replace(b"@", b"").decode("latin-1")
-    marked = template(f"{around}@a.b@{around}", "@", "key")
-    assert marked.filled({"a.b": 1.5}).encode("latin-1") == (f"{around}1.5{around}").encode("latin-1")
-
-
-def test_formats_and_fields():
-    values = {"a.x": 0.1, "n": 7}
-    assert template("%a.x:12.4e%|%n:5d%|", "%", "key").checked(values).filled(values) == "  1.0000e-01|    7|"
-    # a number wider than its field would shift the columns behind it
-    with pytest.raises(SimulatorError, match=r"^key: a\.x = 12345\.0 written as 6\.2f is '12345\.00', wider than"):
-        template("@a.x:6.2f@", "@", "key").filled({"a.x": 12345.0})
-    assert argument("{a.x:.3f}", "key").filled(values) == "0.100"
 
 
 @pytest.mark.parametrize(
@@ -76,13 +60,6 @@ def test_a_seed_is_brought_into_a_range_ends_included(seed, low, width):
     )
     assert int(text) == low + seed % (width + 1)
     assert low <= int(text) <= low + width
-
-
-def test_a_range_may_have_a_format():
-    values = {"noise_seed": 30_001}
-    assert argument("{noise_seed:1..30000:8d}|", "key").checked(values).filled(values) == "       2|"
-    assert argument("{noise_seed: 1..30000 : 08d }|", "key").checked(values).filled(values) == "00000002|"
-    assert template("@noise_seed:0..6@", "@", "key").filled({"noise_seed": 7}) == "0"
 
 
 @pytest.mark.parametrize(

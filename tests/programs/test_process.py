@@ -6,7 +6,7 @@ import pytest
 
 from radcal.errors import SimulatorError
 from radcal.programs import process
-from radcal.programs.process import STDERR, STDOUT, Ended, output_tail, run_program
+from radcal.programs.process import STDOUT, Ended, output_tail, run_program
 
 
 @pytest.mark.parametrize(
@@ -31,19 +31,6 @@ def test_a_program_that_prints_without_end_is_killed(tmp_path, monkeypatch, name
     with pytest.raises(SimulatorError, match=said):
         run_program([sys.executable, "-c", text], tmp_path, {}, 30.0)
     assert (tmp_path / f"radcal.{name}").stat().st_size == 50_000
-
-
-def test_a_program_may_print_up_to_the_limit(tmp_path, monkeypatch):
-    monkeypatch.setattr(process, "_MOST_BYTES", 56_000)
-    ended = run_program([sys.executable, "-c", "print(7000 * 'mangia! ', end='')"], tmp_path, {}, 30.0)
-    assert ended.code == 0
-    assert (tmp_path / STDOUT).stat().st_size == 56_000
-
-
-def test_the_last_three_lines_are_quoted(tmp_path):
-    (tmp_path / STDERR).write_text("first\n\nsecond\nthird \x07bell\n  fourth\n")
-    (tmp_path / STDOUT).write_text("\n \n")
-    assert output_tail(tmp_path) == 'its last output on stderr: "second / third  bell / fourth"'
 
 
 def test_a_long_line_is_quoted_from_its_end(tmp_path):

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 
 from radcal.radar import visibility
 
 seen_from, slant_extent = visibility.seen_from.py_func, visibility.slant_extent.py_func
-METRES = st.floats(1.0, 9.0)
 
 
 @pytest.mark.parametrize(("fold_m", "laid"), [(2.1, True), (2.9, True), (1.9, False)])

@@ -57,17 +57,6 @@ def test_another_scene_or_pass_is_refused_until_allowed(changes, said):
     check(case_from(tiny_case(**changes)))
 
 
-def test_a_second_pass_is_kept_like_the_first_and_one_may_be_added():
-    second = {**tiny_case()["radar"], "looks": 3}
-    two = tiny_case()
-    two |= {"radar": [two["radar"], second], "measurement": [two["measurement"]] * 2}
-    check(case_from(two))
-    (OUT / "passes/2").mkdir()
-    (OUT / "passes/1/geometry.h5").rename(OUT / "passes/2/geometry.h5")
-    with pytest.raises(ConfigError, match=r"another geometry \(radar\.looks is 4 there, 3 here\)"):
-        check(case_from(two))
-
-
 def test_what_makes_the_same_scene_and_pass_is_not_refused(monkeypatch):
     with monkeypatch.context() as patch:
         patch.setattr("radcal.scene.sources.make_scene", None)  # nothing is built for what has not changed

@@ -9,8 +9,6 @@ import pytest
 from radcal.errors import ConfigError, StoreError
 from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED
 from radcal.session.session import Session, is_dry_run, open_session
-from radcal.storage.provenance import provenance
-from radcal.storage.records import write_json
 
 
 @pytest.fixture(autouse=True)
@@ -105,17 +103,6 @@ def test_a_file_in_the_place_of_the_folder_is_a_sentence(build_case, path):
     Path(path).write_text("notes")
     with pytest.raises(StoreError, match=rf"^{path} is a file, expected a folder, where results go: rename it"):
         Session(build_case())
-
-
-def test_damaged_files_are_set_aside_before_the_start(build_case, capsys):
-    with provenance("dyke"):
-        write_json("results/dyke/scores.json", [{"key": "a" * 20}])
-        write_json("results/dyke/iterations/1/verified.json", [{"key": "b" * 20}])
-    Path("results/dyke/iterations/1/verified.json").write_text("{}")
-    Session(build_case()).set_damaged_aside()
-    said = capsys.readouterr().err.splitlines()
-    places = ["results/dyke/iterations/1/verified.json", "results/dyke/runs"]
-    assert [line.split(": ")[:2] for line in said] == [["radcal", place] for place in places]
 
 
 def test_a_started_session_holds_the_folder_and_tidies_it(build_case, capsys):
