@@ -41,23 +41,6 @@ def test_two_runs_tell_the_scatter_of_many():
     assert ratio.min() > 0.4
 
 
-def test_equal_runs_have_none():
-    np.testing.assert_array_equal(noise_variance(sample(0), sample(0), density, np.random.default_rng(1)), 0.0)
-
-
-def test_what_the_runs_share_is_no_noise():
-    """Equal speckle with small differences, as from sums in another order: not the speckle's scatter."""
-    each = 0.01 * np.random.default_rng(5).standard_normal((2, N))
-    found = np.mean(
-        [
-            noise_variance(sample(0) + each[0], sample(0) + each[1], moments, np.random.default_rng(seed))[0]
-            for seed in range(10)
-        ],
-        axis=0,
-    )
-    assert found[0] == pytest.approx(0.01**2 / N, rel=0.25)
-
-
 def test_a_gain_common_to_all_pixels_is_seen():
     found = noise_variance(sample(0), sample(0) + 0.7, density, np.random.default_rng(1))
     assert found[0, 0] == pytest.approx(0.5 * 0.7**2, rel=1e-6)

@@ -1,7 +1,6 @@
 """The whole case: its defaults, wrong values, and one section against another."""
 
 import pytest
-import yaml
 from config_samples import (
     COMMAND,
     GAMMA,
@@ -207,27 +206,6 @@ def test_measurement_of_the_same_pass():
     assert case_from(measured(band=2)).measurement == FileMeasurement(
         path="a.tif", scale="db", radiometry="sigma0_ref", band=2
     )
-
-
-def test_the_default_truth_does_not_bind_other_materials():
-    case = case_from({"materials": {"grass": {"calibrate": True}}})
-    assert case.calibrated == ["grass"]
-
-
-def test_a_start_of_another_law_is_only_the_reference_runs():
-    start = {"law": "tabulated", "angles_deg": [20, 50], "parameters": [-3.0, -9.0]}
-    case = case_from({**dyke(start=start), **synthetic(parameters={"dyke": X})})
-    assert case == case_from(case.model_dump(mode="json"))
-    assert case == case_from(yaml.safe_load(yaml.safe_dump(case.model_dump(mode="json"))))
-    assert case.start_with_another_law == ["dyke"]
-    assert case.materials["dyke"].start_parameters == [-3.0, -9.0]
-    assert case.laws["dyke"].names == ("X1", "X2", "X3", "X4")
-    reference = case.at_start
-    assert reference.materials["dyke"].law == "tabulated"
-    assert reference.materials["dyke"].start_parameters == [-3.0, -9.0]
-    assert reference.laws["dyke"].valid_deg == (20.0, 50.0)
-    assert reference.calibrated == ["dyke"]
-    assert reference.at_start == reference
 
 
 def test_a_low_track_is_no_orbit():

@@ -2,19 +2,10 @@
 
 import pytest
 import yaml
-from config_samples import FIXED, X, write
+from config_samples import X, write
 
 from radcal.config import Case, load, load_forward
 from radcal.errors import ConfigError
-
-
-def test_file_needs_only_the_keys_that_differ(tmp_path):
-    case = load([write(tmp_path, "case: mine\nstop: {rms: 1.0e-4}\n")])
-    assert case.case == "mine"
-    assert case.stop.rms == 1e-4
-    assert case.stop.max_runs == Case().stop.max_runs
-    assert case.radar == Case().radar
-    assert load([write(tmp_path, "{}\n")]) == Case()
 
 
 @pytest.mark.parametrize("value", ['{"rms": 1e-4}', "{rms: 1e-4}", {"rms": "1e-4"}, {"rms": 1e-4}])
@@ -23,14 +14,6 @@ def test_later_files_and_overrides_win_key_by_key(tmp_path, value):
     second = write(tmp_path, "stop: {rms: 0.2}\n", "more.yaml")
     for case, rms, seed in ((load([first, second]), 0.2, 3), (load([first], {"stop": value, "seed": "7"}), 1e-4, 7)):
         assert (case.seed, case.stop.rms, case.stop.max_runs) == (seed, rms, 50)
-
-
-def test_override_reaches_into_materials_and_lists(tmp_path):
-    path = write(tmp_path, yaml.safe_dump({"materials": FIXED}))
-    case = load([path], {"materials": '{"dyke": {"bounds": [[0, 1], [0, 1], [0, 1], [0, 1]]}}'})
-    assert case.materials["dyke"].box == [(0.0, 1.0)] * 4
-    assert case.materials["dyke"].calibrate
-    assert list(case.materials) == ["dyke", "grass"]
 
 
 @pytest.mark.parametrize(
@@ -51,12 +34,6 @@ def test_a_mistake_has_the_place_of_its_key(tmp_path, monkeypatch, overrides, sa
     with pytest.raises(ConfigError) as caught:
         load(["case.yaml"], overrides)
     assert str(caught.value).startswith(said)
-
-
-def test_how_many_more_mistakes_there_are_is_told(tmp_path):
-    for text in ("seed: -1\nradar: {looks: 0, nesz_db: x}", "seed: FILL_IN\nradar: {looks: FILL_IN, nesz_db: FILL_IN}"):
-        with pytest.raises(ConfigError, match=r" \(and 2 more; radcal check lists them\)\.$"):
-            load([write(tmp_path, text)])
 
 
 CALIBRATED = {

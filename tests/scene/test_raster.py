@@ -165,24 +165,6 @@ def test_a_plane_in_degrees_has_its_heights_in_utm(build, cell_m, error_m):
     np.testing.assert_allclose(np.median(north[inside]), -0.1, atol=1e-4)
 
 
-def test_materials_in_another_crs_land_where_they_are(build):
-    degrees = Affine(0.2 * SECOND, 0.0, 4.4616, 0.0, -0.2 * SECOND, 52.1664)  # about 4 m by 6 m
-    shape = (100, 180)
-    x, y = grid(degrees, shape, "EPSG:4326")
-
-    def kind(x, y):
-        """Three fields with borders along and across the grid."""
-        return np.where(x - WEST > 200.0, 1, np.where(y - SOUTH > 250.0, 2, 3))
-
-    scene = raster_scene(build(ids=kind(x, y).astype(np.uint8), ids_crs="EPSG:4326", ids_transform=degrees))
-    east, north = centres(scene)
-    # further from the borders than half a cell and half a pixel
-    certain = (np.abs(east - WEST - 200.0) > 9) & (np.abs(north - SOUTH - 250.0) > 9) & (scene.material > 0)
-    assert certain.mean() > 0.9
-    np.testing.assert_array_equal(scene.material[certain], kind(east, north)[certain])
-    assert set(np.unique(scene.material[certain])) == {1, 2, 3}
-
-
 def test_coarse_cells_take_the_mean_height_and_the_most_frequent_material(build):
     rng = np.random.default_rng(3)
     heights, ids = rng.normal(50.0, 5.0, SHAPE), rng.integers(1, 4, SHAPE, dtype=np.uint8)
@@ -214,30 +196,6 @@ def test_of_equally_frequent_materials_the_lowest_id_counts(build):
     ids[::2] = 2
     ids[:, :20] = 1
     assert (raster_scene(build(ids=ids, cell_m=20.0)).material == np.where(np.arange(30) < 10, 1, 2)).all()
-
-
-def test_cells_of_which_half_is_known_take_the_mean_of_that_half(build):
-    heights = np.random.default_rng(4).normal(50.0, 5.0, SHAPE)
-    heights[10, 20:22] = heights[30:32, 40] = heights[31, 41] = np.nan  # two of four pixels, and three
-    scene = raster_scene(build(heights, cell_m=20.0, profile={"nodata": np.nan}))
-    assert scene.elevation_m[19, 10] == pytest.approx(heights[11, 20:22].mean())
-    assert np.argwhere(scene.material == 0).tolist() == [[9, 20]]
-
-
-def test_pixels_narrower_than_high_are_averaged_in_their_cells(build):
-    heights = np.random.default_rng(5).normal(50.0, 5.0, 120) * np.ones((25, 1))
-    narrow = Affine(5.0, 0.0, WEST, 0.0, -20.0, SOUTH + 500.0)
-    scene = raster_scene(build(heights, transform=narrow, cell_m=20.0))
-    np.testing.assert_allclose(scene.elevation_m, heights[::-1].reshape(25, 30, 4).mean(axis=-1), rtol=1e-9)
-    assert numbers_of(scene, "resampled")["elevation"] == "averaged"
-
-
-def test_the_scene_ends_where_either_raster_ends(build):
-    part = Affine(10.0, 0.0, WEST + 120.0, 0.0, -10.0, SOUTH + 430.0)
-    ids = np.ones((30, 20), dtype=np.uint8)
-    scene = raster_scene(build(ids=ids, ids_transform=part))
-    assert scene.transform == (10.0, 0.0, WEST + 120.0, 0.0, 10.0, SOUTH + 130.0)
-    assert scene.material.shape == (30, 20)
 
 
 def test_bounds_cut_the_scene(build):
@@ -355,17 +313,6 @@ def test_wide_gaps_take_the_nearest_height(build):
     heights[:, :220] = 30.0
     config = build(heights, np.ones((20, 400), dtype=np.uint8))
     np.testing.assert_array_equal(raster_scene(config).elevation_m, 30.0)  # 180 cells: further than is interpolated
-
-
-def test_materials_beyond_their_raster_are_none(build):
-    ids = np.ones(SHAPE, dtype=np.uint8)
-    ids[:, :10] = 255
-    shifted = Affine(10.0, 0.0, WEST, 0.0, -10.0, SOUTH + 400.0)
-    bounds = [WEST, SOUTH, WEST + 600.0, SOUTH + 500.0]
-    scene = raster_scene(build(ids=ids, ids_transform=shifted, ids_profile={"nodata": 255}, bounds=bounds))
-    assert (scene.material[-10:] == 0).all()
-    assert (scene.material[:, :10] == 0).all()
-    assert (scene.material[:-10, 10:] == 1).all()
 
 
 @pytest.mark.parametrize(
@@ -518,13 +465,6 @@ def test_heights_that_no_place_has_are_refused(build):
         SceneError, match=r"holds heights from -9999 to 30 m, expected -1000 to 9000.*gdal_edit -a_nodata"
     ):
         raster_scene(build(heights))
-
-
-def test_scaled_heights_are_unscaled(build):
-    config = build(np.full(SHAPE, 400, dtype=np.int16), crs=UTM, vertical_datum="NAP")
-    with rasterio.open(config.elevation, "r+") as raster:
-        raster.scales, raster.offsets = (0.1,), (5.0,)
-    np.testing.assert_allclose(raster_scene(config).elevation_m, 45.0)
 
 
 def test_more_gaps_than_elevation_are_refused(build):

@@ -3,7 +3,7 @@
 import math
 
 import pytest
-from config_samples import COMMAND, FIXED, NO_TRUTH, SOIL, TABLE, WHOLE, X, dyke, message, outside, synthetic
+from config_samples import COMMAND, FIXED, NO_TRUTH, SOIL, WHOLE, X, dyke, message, outside, synthetic
 
 from radcal.config import case_from
 from radcal.config.stages import STAGES
@@ -42,14 +42,6 @@ def test_numbers_that_no_material_has_are_refused(data, words):
     assert all(word in text for word in words), text
 
 
-@pytest.mark.parametrize("start", [X, {"law": "mangia", "parameters": X}])
-def test_a_start_of_the_same_law_is_a_start(start):
-    case = case_from(dyke(start=start))
-    assert case.start_with_another_law == []
-    assert case.materials["dyke"].start_parameters == X
-    assert case.at_start == case
-
-
 def test_parameters_of_an_external_law():
     case = case_from({"simulator": COMMAND, "materials": {"soil": SOIL, "lake": {"law": "external"}},
                       "measurement": NO_TRUTH})  # fmt: skip
@@ -61,18 +53,6 @@ def test_parameters_of_an_external_law():
     assert case.at_start == case
     with pytest.raises(ConfigError, match=r"parameters \['mv', 's'\] has no curve"):
         case.laws["soil"](0.5, [0.1, 1.0])
-
-
-def test_laws_of_several_kinds_beside_an_external_one():
-    materials = {
-        "soil": SOIL | {"units": ["m3/m3", "cm"]},
-        "field": {"calibrate": True, **TABLE},
-        "lake": {"law": "constant_gamma", "parameters": [-12]},
-    }
-    case = case_from({"simulator": COMMAND, "materials": materials, "measurement": NO_TRUTH})
-    assert case.materials["soil"].parameter_units == ("m3/m3", "cm")
-    assert case.materials["field"].parameter_names == ("sigma0_20deg", "sigma0_40deg", "sigma0_60deg")
-    assert [name for name, law in case.laws.items() if law.has_curve] == ["field", "lake"]
 
 
 def test_whole_parameters():
@@ -121,18 +101,6 @@ def test_what_is_not_whole_is_refused(materials, sections, words):
 FORMULA = {"law": "formula", "formula": "a + b*cos(phi)", "names": ["a", "b"]}
 
 
-def test_a_law_as_a_formula():
-    units, box = ["dB", "dB"], [[-30, -10], [0, 20]]
-    case = case_from({**dyke(**FORMULA, units=units, bounds=box), **synthetic(parameters={"dyke": [-20, 7]})})
-    material = case.materials["dyke"]
-    assert (material.parameter_names, material.parameter_units) == (("a", "b"), ("dB", "dB"))
-    assert material.start_parameters == [-20, 10]
-    assert float(case.laws["dyke"](0.5, [-20.0, 8.0])) == pytest.approx(-20.0 + 8.0 * math.cos(0.5))
-    # sections of a rule are plain data from which the law is made again
-    again = STAGES["scene"].model.model_validate(STAGES["scene"].params(case)).materials["dyke"]
-    assert again == material
-
-
 def test_a_start_and_a_hidden_law_may_be_formulas():
     start = {**FORMULA, "parameters": [-25.0, 4.0]}
     case = case_from({**dyke(start=start), **synthetic(laws={"dyke": {**FORMULA, "parameters": [-3.0, 2.0]}})})
@@ -164,12 +132,3 @@ def test_what_a_formula_must_not_be(keys, words):
     text = message(dyke(**{key: value for key, value in own.items() if value is not None}))
     assert words in text
     assert "materials.dyke" in text
-
-
-def test_a_formula_of_the_frequency_asks_for_it():
-    own = {**FORMULA, "formula": "a + b*f_ghz", "bounds": [[-30, -10], [0, 20]]}
-    case = {**dyke(**own), **synthetic(parameters={"dyke": [-20, 7]})}
-    assert "radar.frequency_ghz is missing: law 'formula' of materials.dyke depends on it" in message(case)
-    assert float(case_from({**case, "radar": {"frequency_ghz": 9.6}}).laws["dyke"](0.3, [-20.0, 2.0])) == pytest.approx(
-        -0.8
-    )

@@ -68,11 +68,3 @@ def test_the_longest_run_is_that_of_all_attempts_waits_and_draws():
     assert case_from(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 2})).simulator.retries == 20
     said = message(outside(WHOLE, simulator=COMMAND | {"retries": 20, "retry_wait_s": 3}))
     assert "retry_wait_s is 3 and retries 20: waits that double each time add up to 36.4 days, expected at" in said
-
-
-@pytest.mark.parametrize(("given", "told"), [(None, False), ({"radar": False}, False), ({}, True)])
-def test_a_program_that_is_not_told_the_pass_runs_the_same_whatever_its_looks(given, told):
-    simulator = case_from(outside(WHOLE, simulator=COMMAND | {"input": given})).simulator
-    assert ("looks" in simulator.not_told) is not told
-    assert "depression_deg" not in simulator.not_told
-    assert not case_from({}).simulator.not_told

@@ -98,18 +98,6 @@ def test_whole_images_are_kept_where_asked_for_or_configured(tmp_path, geometry,
     assert (store.get(key, ["dyke"]).image_db is not None) is (asked or keeps)
 
 
-@pytest.mark.parametrize("extra", [-1, 1])
-def test_records_of_more_or_fewer_pixels_are_made_again(tmp_path, geometry, case, extra):
-    simulator, store = Counting(geometry.shape), RunStore(tmp_path)
-    runner = Runner(store, simulator, geometry, "scene", case)
-    first = runner.run(X, 7)
-    values = np.resize(first.pixels_db["dyke"], first.pixels_db["dyke"].size + extra)
-    store.path(first.key).unlink()
-    store.put(module.Record(first.key, {"dyke": values}, None, 1.0), runner.description(X, 7))
-    assert runner.run(X, 7).pixels_db["dyke"].size == geometry.pixels("dyke").size
-    assert simulator.calls == 2
-
-
 def test_texture_of_a_fixed_material_changes_its_pixels_and_the_key_alone(tmp_path, geometry, case):
     def runner(name, looks, further=None):
         grass = case.materials["grass"].model_copy(update={"looks": looks})

@@ -6,7 +6,7 @@ from calibration_samples import make_target
 
 from radcal.config import case_from
 from radcal.errors import ConfigError
-from radcal.laws import LAWS, law_for
+from radcal.laws import LAWS
 from radcal.targets.reach import check_reach, law_range_db
 from radcal.targets.target import Targets
 
@@ -35,21 +35,6 @@ def test_range_of_a_law_over_its_bounds():
     low, high = law_range_db(LAW, box, angle)
     np.testing.assert_allclose(low, -20.0)
     np.testing.assert_allclose(high, LAW(np.radians(angle), [-5.0, 30.0, 10.0, 1.0]))
-
-
-def test_range_of_a_law_that_is_highest_inside_of_its_bounds():
-    law = law_for("formula", formula="-(X1 - 3) ** 2 + 4 * X2 * cos(phi)", names=("X1", "X2"))
-    angle = np.array([20.0, 55.0])
-    low, high = law_range_db(law, [[1.0, 9.0], [-2.0, 5.0]], angle)
-    np.testing.assert_allclose(high, 20.0 * np.cos(np.radians(angle)), atol=0.6)
-    np.testing.assert_allclose(low, -36.0 - 8.0 * np.cos(np.radians(angle)))
-
-
-def test_range_of_a_law_with_many_parameters():
-    law = law_for("tabulated", angles_deg=tuple(np.linspace(10.0, 60.0, 12)))
-    low, high = law_range_db(law, [[-30.0, -2.0]] * 12, np.array([20.0, 50.0]))
-    np.testing.assert_allclose(low, -30.0, atol=0.2)
-    np.testing.assert_allclose(high, -2.0, atol=0.2)
 
 
 def test_the_mean_of_the_logarithm_of_speckle_is_no_part_of_the_level():
