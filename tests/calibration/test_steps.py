@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from calibration_samples import TRUTH, make_run
+from calibration_samples import TRUTH, make_run, make_score
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score, score_reference, with_texture
@@ -24,7 +24,7 @@ from radcal.config import Stop
 from radcal.config.stages import STAGES
 from radcal.errors import MissingSign, SimulatorError
 from radcal.objectives import make_objectives
-from radcal.objectives.history import History, read_proposals, read_runs, write_proposals, write_runs
+from radcal.objectives.history import History, Proposal, Run, read_proposals, read_runs, write_proposals, write_runs
 from radcal.proposals.surrogate import read_trainings, write_trainings
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
@@ -230,8 +230,21 @@ def test_lines_of_the_log_name_the_nearest_and_the_worst_material(parts, runner,
         f"differ by {best:.2e} ({low}) to {worst:.2e} ({high}) per dB (rms)"
     )
     history = History([make_run("reference", 0, {"a": 0.6, "b": 0.4}), make_run("design", 0, {"a": 0.2, "b": 0.3})])
-    wanted = "run   1 (iteration 0): 1 of 2 materials within tolerance, worst b at rms 3.00e-01, tolerance 2.5e-01"
-    assert progress_line(history, ["a", "b"], Stop(rms=0.25), "density") == wanted
+    start = "run   1 (iteration 0): "
+    for tolerance, wanted in (
+        (0.1, "0 of 2 laws meet the stop criterion; b: rms 0.3, above the tolerance 0.1 so far"),
+        (0.25, "1 of 2 laws meets the stop criterion; b: rms 0.3, above the tolerance 0.25 so far"),
+        (0.35, "2 of 2 laws meet the stop criterion"),
+    ):
+        assert progress_line(history, ["a", "b"], Stop(rms=tolerance), "density") == start + wanted
+    moved = {"a": 0.13, "b": 0.24}
+    scores = {name: make_score(5.0, moved_db=db, gain=0.5) for name, db in moved.items()}
+    proposals = {name: Proposal([0.0], "exploit", cost=5.0) for name in moved}
+    infill = Run("infill", 0, ["k"], 0.5, scores, proposals)
+    history = History([make_run("reference", 0, dict.fromkeys(moved, 9.0)), infill])
+    line = progress_line(history, list(moved), Stop(law_db=0.05), "classes")
+    assert line.startswith("run   1 (iteration 1): 0 of 2 laws meet the stop criterion; b: stop criterion not met")
+    assert "0.24 dB" in line
 
 
 def test_a_failure_names_its_run():

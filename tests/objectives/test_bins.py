@@ -1,8 +1,6 @@
 """Laws in incidence-angle bins, end to end on the built-in simulator."""
 
-import re
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,7 +8,7 @@ from calibration_samples import BOUNDS, TRUTH, make_material, make_score
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
-from radcal.config import Optimiser, Stop, SurrogateConfig
+from radcal.config import Optimiser, SurrogateConfig
 from radcal.errors import MeasurementError
 from radcal.inference.expected import LawForward
 from radcal.inference.misfit import LikelihoodMisfit
@@ -43,15 +41,6 @@ def laws_are_right(history):
         # a single patch says nothing of how its level differs from that of others, the shape is its own
         assert np.abs(error - error.mean()).max() < 1.0, name
         assert abs(error.mean()) < 1.0, name
-
-
-def test_the_progress_line_tells_the_law_that_moves_most_of_those_that_have_not_ended():
-    scores = {"dyke": SimpleNamespace(moved_db=0.13), "heath": SimpleNamespace(moved_db=0.07)}
-    history = SimpleNamespace(infill=[SimpleNamespace(scores=scores)])
-    lines = [Bins.progress_line(history, list(scores), ended, Stop(law_db=0.05)) for ended in ([], ["dyke"], [*scores])]
-    assert [re.findall(r"heath|0\.\d+ dB", line) for line in lines] == [
-        ["0.13 dB"], ["0.05 dB", "heath", "0.07 dB"], ["0.05 dB"]
-    ]  # fmt: skip
 
 
 def test_a_run_is_worth_its_smallest_cost_over_the_looks(objectives, calibrated):

@@ -16,7 +16,7 @@ from radcal.config import Material, Stop
 from radcal.config.part import Part
 from radcal.errors import SimulatorError
 from radcal.findings import Finding
-from radcal.objectives import Comparison, objective_class
+from radcal.objectives import Comparison
 from radcal.objectives.base import MET
 from radcal.objectives.history import History, Proposal, Run
 from radcal.processes import each
@@ -27,6 +27,7 @@ from radcal.seeds import derived_seed, draw_seeds, noise_seed
 from radcal.simulators.runner import Runner
 from radcal.storage.runs import Parameters, Record
 from radcal.targets.target import Targets
+from radcal.words import sentence
 
 logger = logging.getLogger(__name__)
 
@@ -337,9 +338,13 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
 
 
 def progress_line(history: History, materials: Sequence[str], stop: Stop, objective: str) -> str:
-    """Line of the log on the number of runs so far and the state of all materials."""
+    """Line of the log on the number of runs so far, and on the law that is farthest from the stop criterion."""
     runs = history.count("design") + history.count("infill")
-    verdicts = decide(history, materials, stop, objective).materials
-    ended = [name for name in materials if verdicts[name].reason in MET]
-    text = objective_class(objective).progress_line(history, materials, ended, stop)
+    states = decide(history, materials, stop, objective).materials.values()
+    left = [state.finding for state in states if state.reason not in MET]
+    met = len(materials) - len(left)
+    text = f"{met} of {len(materials)} laws {'meets' if met == 1 else 'meet'} the stop criterion"
+    if left:
+        farthest = max(left, key=lambda one: max(float(one.numbers.get(key, 0.0)) for key in ("moved_db", "rms")))
+        text += f"; {sentence(farthest).removesuffix('.')}"
     return f"run {runs:>3} (iteration {history.iterations}): {text}"

@@ -19,7 +19,7 @@ from radcal.inference.law_fit import LOOKS
 from radcal.inference.misfit import BinMisfit, Misfit
 from radcal.inference.priors import CurvePrior
 from radcal.laws import Law
-from radcal.objectives.history import History, Proposal, Score
+from radcal.objectives.history import Proposal, Score
 from radcal.targets.target import Target
 
 Doubles = NDArray[np.float64]
@@ -307,11 +307,6 @@ class Objective(Comparison):
     def standing(cls, best: float, stop: Stop) -> dict[str, float]:
         """Numbers that describe a search which goes on or ends without success; empty without a tolerance."""
         return {}
-
-    @classmethod
-    @abstractmethod
-    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
-        """Text on the state of all materials after a run."""
 
     def moved_db(self, first: ArrayLike, second: ArrayLike) -> float | None:
         """Largest difference of the laws of two X over the incidence seen [dB]; None for a law without a curve."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from functools import cached_property
 from typing import ClassVar
 
@@ -16,7 +15,6 @@ from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
 from radcal.inference.pooled_laws import curve_prior, law_prior, limited
 from radcal.objectives.base import CalibratedMaterial, Doubles, Objective, PredictedPoints, Progress, SearchState
-from radcal.objectives.history import History
 
 _SETTLED = 0.03  # difference in cost for a law that is a quarter of its standard error from the minimum
 _REFUTED = 3.0  # ratio of a verified to the predicted cost, above which the surrogate does not predict the simulator
@@ -124,27 +122,6 @@ class Bins(Objective):
         if score.moved_db is not None and score.moved_db <= stop.law_db:
             return SearchState.of("settled", "law_settled", name, runs=progress.runs, moved_db=score.moved_db)
         return None
-
-    @classmethod
-    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
-        """Text on the number of laws that meet the stop criterion, and on the law that may still change most."""
-        text = f"{len(ended)} of {len(materials)} laws {'meets' if len(ended) == 1 else 'meet'} the stop criterion"
-        if ended:
-            text += (
-                " (the surrogate of all runs predicts no law that is clearly better and differs by more than "
-                f"stop.law_db, {stop.law_db:g} dB)"
-            )
-        # a law that meets the criterion may move by more than law_db, but is then predicted to become hardly better
-        moved = {name: history.infill[-1].scores[name].moved_db for name in materials if name not in ended}
-        known = {name: value for name, value in moved.items() if value is not None}
-        if known:
-            worst = max(known, key=lambda name: known[name])
-            most = ", more than any other law" if len(known) > 1 else ""
-            text += (
-                f"; the best law of {worst} that the surrogate predicts differs by {known[worst]:.2g} dB from the law "
-                f"of its best run{most}"
-            )
-        return text
 
 
 class Likelihood(Bins):

@@ -16,7 +16,6 @@ from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.inference.pooled_laws import bins_of
 from radcal.objectives.base import CalibratedMaterial, Doubles, Objective, PredictedPoints, Progress, SearchState
-from radcal.objectives.history import History
 
 UNREACHABLE_SHARE = 0.9  # share of the best verified rms; with a floor above it, no X is clearly better
 _PROMISING_SHARE = 0.5
@@ -127,15 +126,3 @@ class Density(Objective):
     def standing(cls, best: float, stop: Stop) -> dict[str, float]:
         """Best rms of the material, and tolerance [1/dB]."""
         return {"rms": best, "tolerance": stop.rms}
-
-    @classmethod
-    def progress_line(cls, history: History, materials: Sequence[str], ended: Sequence[str], stop: Stop) -> str:
-        """Text on the best rms; of several materials, on the material whose best rms is largest."""
-        best = {name: history.best(name).cost for name in materials}
-        if len(best) == 1:
-            text = f"best rms {next(iter(best.values())):.2e}"
-        else:
-            worst = max(best, key=lambda name: best[name])
-            within = sum(value <= stop.rms for value in best.values())
-            text = f"{within} of {len(best)} materials within tolerance, worst {worst} at rms {best[worst]:.2e}"
-        return f"{text}, tolerance {stop.rms:.1e}"
