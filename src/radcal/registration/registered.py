@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -374,7 +375,7 @@ def registered_as(
     Parameters
     ----------
     path : path
-        ``registered.h5`` of the image's case, which need not exist.
+        ``registered.h5`` of the image's case, which need not exist or be readable.
     predicted_db : ndarray, shape (rows, columns)
         Predicted image [dB], onto which the measured image is registered if necessary.
     found : Measurement
@@ -394,16 +395,8 @@ def registered_as(
     MeasurementError
         The image has nothing in common with the predicted one.
     """
-    why = ""
-    if path.is_file():
-        try:
-            stored = read_registered(path)
-            if stored.method != config.method:
-                why = f", not as in {path.parent}, whose registration.method was {stored.method}"
-            elif not np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
-                why = f", not as in {path.parent}, which has registered another image"
-            else:
-                return stored, f"as in {path.parent}"
-        except RadcalError as error:
-            why = f", because the registration of its case cannot be used: {error}"
-    return register(predicted_db, found, config), f"onto the predicted image{why}"
+    with contextlib.suppress(RadcalError):
+        stored = read_registered(path)
+        if stored.method == config.method and np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
+            return stored, f"as in {path.parent}"
+    return register(predicted_db, found, config), "onto the predicted image"
