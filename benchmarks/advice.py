@@ -201,7 +201,8 @@ def followed(number: int, base: Case, ground: Ground, speckle: int, protocol: st
             row["tried"] = wanted.index(True) + 1
         asked = questions[row.get("tried", 1) - 1]
         radars = [case.radar.model_copy(update=settings(one)) for one in asked.candidates]
-        advised = advice_on(case, ground.scene, {NAME: (before, case.laws[NAME])}, radars, asked.over_deg)
+        each = advice_on(case, ground.scene, {NAME: (before, case.laws[NAME])}, radars, asked.over_deg)
+        advised = [one for (one,) in each]
         over = advised[0].over_deg
         after = {(one.radar.depression_deg, one.radar.look_side): one.after_db for one in advised}
         expected = [after[one] for one in asked.candidates]

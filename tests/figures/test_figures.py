@@ -419,7 +419,7 @@ def test_the_front_is_drawn_with_the_runs_and_the_chosen_one(made):
     verified[0] = np.nan
     predicted = np.array([[4.0, 9.0, 12.0], [2.0, 30.0, 10.5], [8.0, 5.0, 9.0]])
     names = ("pass 1", "pass 2", "pass 4")
-    found = SearchFront(names, np.ones((3, 4)), np.full(3, 2.5), predicted, verified)
+    found = SearchFront(names, predicted, verified)
     case = changed_material(case, "dyke", front=found, best=count - 1)
     canvas, caption, _ = front(case, "dyke")
     assert drawn(canvas) == []

@@ -86,12 +86,7 @@ def image_of(case: Part, cells: Cells) -> Image:
 
 
 def posterior_of(
-    case: Part,
-    targets: Sequence[Targets],
-    history: History,
-    objective: Comparison,
-    cells: Cells,
-    image: Image,
+    case: Part, targets: Sequence[Targets], history: History, objective: Comparison, cells: Cells, image: Image
 ) -> Posterior:
     """Posterior of one material's law, given what the fixed materials say.
 
@@ -172,10 +167,7 @@ def posterior_of(
 
 
 def _with_curve(
-    observed: Observed,
-    objective: Comparison,
-    laws: Sequence[Law],
-    attenuation: Sequence[tuple[float, float]],
+    observed: Observed, objective: Comparison, laws: Sequence[Law], attenuation: Sequence[tuple[float, float]]
 ) -> tuple[Parameters, Doubles, Doubles]:
     """Parameters of a law with a curve, weights of its knots in the cells, and the knots [deg]."""
     seen: list[tuple[Law, Doubles, Doubles]] = []

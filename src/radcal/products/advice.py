@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -149,7 +148,7 @@ def advice_on(
     passes: Sequence[Radar],
     over_deg: tuple[float, float] | None = None,
     removed_db: float | None = None,
-) -> list[Advised]:
+) -> list[list[Advised]]:
     """Expected half-widths of the bands of calibrated materials after each candidate pass, one pass at a time.
 
     Parameters
@@ -171,9 +170,8 @@ def advice_on(
 
     Returns
     -------
-    list of Advised
-        One item for each pass and material. Passes are in ascending order of :func:`common_ratio`; the items of one
-        pass are adjacent.
+    list of list of Advised
+        For each pass, one item for each material; passes are in ascending order of :func:`common_ratio`.
     """
     geometries = [make_geometry(scene, radar) for radar in passes]
     own = [(one.radar, make_geometry(scene, one.radar)) for one in case.passes]
@@ -197,7 +195,7 @@ def advice_on(
                 after = float(widths.mean())
             incidence = None if view is None else _seen(view)
             each.append(Advised(radar, name, incidence, now, after, over, made.layover.mean(), made.shadow.mean()))
-    return [row for each in sorted(rows, key=common_ratio) for row in each]
+    return sorted(rows, key=common_ratio)
 
 
 def common_ratio(rows: Sequence[Advised]) -> float:
@@ -211,12 +209,6 @@ def common_ratio(rows: Sequence[Advised]) -> float:
         Rows of one pass, one for each material.
     """
     return float(np.exp(np.mean([np.log(row.after_db / row.now_db) for row in rows])))
-
-
-def _passes(rows: Sequence[Advised]) -> Iterator[list[Advised]]:
-    """Lists of rows, one list for each pass."""
-    for _, each in itertools.groupby(rows, key=lambda row: id(row.radar)):
-        yield list(each)
 
 
 def _seen(view: View) -> tuple[float, float]:
@@ -288,21 +280,21 @@ def advise(
     found = of_archive(archive, folder)
     low, _, high = archive.image.levels_db.T
     removed_db = float(0.5 * (high - low).mean() / NORMAL_90) if case.target.normalisation == "offset" else None
-    rows = advice_on(case, scene, found, passes, over_deg, removed_db)
+    advised = advice_on(case, scene, found, passes, over_deg, removed_db)
     # tables of other angles lie side by side
     named = [("depression", depressions), ("between", over_deg or ())]
     words = ["advice", *("_".join([key, *(f"{x:g}" for x in angles)]) for key, angles in named if angles)]
     table = folder / f"{'_'.join(words)}.csv"
-    write_csv(table, COLUMNS, _rows(rows))
-    remarks = [*map(sentence, best_passes(rows)), *doubts(found, archive.findings)]
+    write_csv(table, COLUMNS, _rows(advised))
+    remarks = [*map(sentence, best_passes(advised)), *doubts(found, archive.findings)]
     if case.radar.incidence_deg is not None:
         remarks.append(sentence(_opposite(case.radar)))
-    return [*_table(rows), *remarks, f"table: {table}"]
+    return [*_table(advised), *remarks, f"table: {table}"]
 
 
-def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
+def _rows(passes: Sequence[Sequence[Advised]]) -> Iterator[tuple[object, ...]]:
     nothing = float("nan")
-    for each in _passes(rows):
+    for each in passes:
         for row in each:
             seen = row.incidence_deg or (nothing, nothing)
             widths = (row.now_db, row.after_db, row.after_db / row.now_db, *row.over_deg, row.layover, row.shadow)
@@ -313,9 +305,9 @@ def _rows(rows: Sequence[Advised]) -> Iterator[tuple[object, ...]]:
             yield (float(radar.centre_depression_deg), radar.look_side, _ALL, *numbers)
 
 
-def _table(rows: Sequence[Advised]) -> list[str]:
+def _table(passes: Sequence[Sequence[Advised]]) -> list[str]:
     cells = [_HEADINGS]
-    for each in _passes(rows):
+    for each in passes:
         for row in each:
             seen = "too few pixels" if row.incidence_deg is None else "{:.1f}-{:.1f} deg".format(*row.incidence_deg)
             widths = (f"+-{row.now_db:.2f} dB", f"+-{row.after_db:.2f} dB")
@@ -341,10 +333,9 @@ def judged(ratios: Sequence[float]) -> tuple[int | None, list[int]]:
     return (None if ratios[best] > _LITTLE else best), equal
 
 
-def best_passes(rows: Sequence[Advised]) -> list[Finding]:
+def best_passes(passes: Sequence[Sequence[Advised]]) -> list[Finding]:
     """Findings on the best further pass for each material and, where there are several, for all of them together."""
-    passes, found = list(_passes(rows)), list[Finding]()
-    names = [each[0].name for each in passes]
+    found, names = list[Finding](), [each[0].name for each in passes]
     for of_one in zip(*passes, strict=True):
         low, high = of_one[0].over_deg
         now_db, after_db = of_one[0].now_db, min(row.after_db for row in of_one)

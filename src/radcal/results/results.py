@@ -27,15 +27,7 @@ from radcal.proposals.surrogate import Training
 from radcal.radar.geometry import Geometry
 from radcal.registration.height_shift import with_height_finding
 from radcal.registration.registered import Registered, without_images
-from radcal.results.archive import (
-    Archive,
-    Fidelity,
-    Images,
-    MaterialResult,
-    PassResult,
-    Runs,
-    SceneView,
-)
+from radcal.results.archive import Archive, Fidelity, Images, MaterialResult, PassResult, Runs, SceneView
 from radcal.results.bin_statistics import bin_statistics, prior_draws
 from radcal.results.law_notes import law_notes
 from radcal.results.search_front import search_fronts

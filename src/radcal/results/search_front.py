@@ -22,10 +22,6 @@ class SearchFront:
     ----------
     objectives : tuple of str
         Names of the sums of squared residuals that NSGA-II minimises as objectives.
-    parameters : ndarray of float64, shape (f, d)
-        X of the points of the front.
-    looks : ndarray of float64, shape (f,)
-        Effective number of looks of each point of the front.
     predicted : ndarray of float64, shape (f, p)
         Objectives of the points of the front, predicted by the last surrogate.
     verified : ndarray of float64, shape (n, p)
@@ -33,8 +29,6 @@ class SearchFront:
     """
 
     objectives: tuple[str, ...]
-    parameters: Doubles
-    looks: Doubles
     predicted: Doubles
     verified: Doubles
 
@@ -59,8 +53,6 @@ def search_fronts(objectives: Mapping[str, Comparison], history: History) -> dic
         scores = [run.scores[name] for run in history.runs]
         found[name] = SearchFront(
             objectives=tuple(comparison.part_names),
-            parameters=np.array(front.parameters),
-            looks=np.array(front.looks),
             predicted=np.array(front.objectives),
             verified=np.array([comparison.parts_of(score) if score.own_law else nothing for score in scores]),
         )
