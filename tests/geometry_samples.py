@@ -30,7 +30,7 @@ def objects_of(walls=None, **columns):
     n = np.broadcast(*columns.values()).size
     names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
     values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
-    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16), walls=walls)
+    return Objects(**values, aspect=np.full(n, -1, np.int16), walls=walls)
 
 
 def two_materials():

@@ -232,7 +232,7 @@ def test_objects_are_dots_in_the_scene(made, tmp_path):
     places = np.random.default_rng(3).uniform(0.0, 100.0, (2, 45_001))
     n = places.shape[1]
     zero = np.zeros(n)
-    objects = Objects(*places, zero, zero, zero, zero, zero, np.full(n, -1, np.int16), np.zeros(n, np.int16))
+    objects = Objects(*places, zero, zero, zero, zero, zero, np.full(n, -1, np.int16))
     path = tmp_path / "calibration.h5"
     case = made.gathered(path, scene=replace(made.scene, objects=objects))
     with h5py.File(path) as file:

@@ -96,7 +96,7 @@ def objects(x_m, y_m, height_m):
     zero, number = np.zeros(n), np.zeros(n, dtype=np.int16)
     curve = np.array([[0.0, 10.0], [90.0, 30.0], [180.0, 20.0], [270.0, 0.0]])
     return Objects(
-        np.array(x_m), np.array(y_m), zero, zero, zero, np.array(height_m), zero * np.nan, number, number,
+        np.array(x_m), np.array(y_m), zero, zero, zero, np.array(height_m), zero * np.nan, number,
         curves={"car": curve},
     )  # fmt: skip
 

@@ -40,11 +40,10 @@ def rough():
     at_borders = np.linspace(250.0, 262.0, len(made))
     objects = replace(made, y_m=np.where(np.arange(len(made)) % 5 == 0, at_borders, made.y_m))
     # half of the buildings scatter by roof and walls apart, all of them have a double bounce
-    apart, building = (made.kind == 0) & (np.arange(len(made)) % 2 == 0), made.kind == 0
+    number = np.arange(len(made))  # buildings, trees, cars
+    apart, building = (number < 25) & (number % 2 == 0), number < 25
     upright = Walls(np.where(apart, 0, -1).astype(np.int16), np.where(apart, -6.0, np.nan), building, ("c",))
-    size = {
-        name: np.where(made.kind == 2, 0.0, getattr(made, name)) for name in ("length_m", "width_m")
-    }  # cars: points
+    size = {name: np.where(number >= 325, 0.0, getattr(made, name)) for name in ("length_m", "width_m")}  # cars: points
     objects = replace(objects, rcs_dbsm=np.where(apart, np.nan, made.rcs_dbsm), walls=upright, **size)
     mixed = rng.random((ROWS, COLUMNS)) > 0.999
     elevation = walls + rng.standard_normal((ROWS, COLUMNS)) * 0.2 + 300.0

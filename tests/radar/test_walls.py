@@ -28,7 +28,7 @@ def boxes(wall_db=-5.0, bounce=True, permittivity=None, **columns):
     values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
     roof = np.where(np.isnan(values["rcs_dbsm"]), 0, -1).astype(np.int16)
     walls = Walls(roof, np.where(roof < 0, np.nan, wall_db), np.broadcast_to(bounce, n).copy(), ("roof",), permittivity)
-    return Objects(**values, aspect=np.full(n, -1, np.int16), kind=np.zeros(n, np.int16), walls=walls)
+    return Objects(**values, aspect=np.full(n, -1, np.int16), walls=walls)
 
 
 def seen(radar=RADAR, cell_m=1.0, **keys):

@@ -12,7 +12,7 @@ from radcal.storage.dataclass_groups import same
 
 OBJECTS = replace(
     generate_objects((70.0, 50.0), 1, trees=1, buildings=1),
-    rcs_dbsm=np.array([3.0, np.nan]), aspect=np.array([-1, 1], dtype=np.int16), kinds=("zug", "auto"),
+    rcs_dbsm=np.array([3.0, np.nan]), aspect=np.array([-1, 1], dtype=np.int16),
     curves={"z": np.array([[0.0, 1.0], [90.0, 2.5]]), "a": np.array([[10.0, -3.0], [200.0, 4.0], [300.0, 7.0]])},
 )  # fmt: skip
 SCENES = {

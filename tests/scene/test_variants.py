@@ -73,7 +73,7 @@ def test_cross_section_by_the_bearing_from_the_front():
     curve = np.array([[0.0, 3.0], [100.0, 21.0], [230.0, -4.0], [300.0, 9.0]])
     zeros, first = np.zeros(1), np.zeros(1, np.int16)
     heading, unknown = np.array([50.0]), np.array([np.nan])
-    car = Objects(zeros, zeros, zeros, zeros, heading, zeros, unknown, first, first, curves={"car": curve})
+    car = Objects(zeros, zeros, zeros, zeros, heading, zeros, unknown, first, curves={"car": curve})
     table = np.vstack([curve, [360.0, 3.0]])
     at = {bearing: float(np.interp(bearing % 360.0, *table.T)) for bearing in (-40.0, 60.0, 10.0, 140.0)}
     right = 10.0 ** (at[-40.0] / 10.0)

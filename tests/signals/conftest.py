@@ -22,7 +22,7 @@ def point(x_m, y_m, rcs_dbsm, height_m=0.0):
     """One object without a footprint."""
     zero, first = np.zeros(1), np.zeros(1, np.int16)
     values = (np.array([float(value)]) for value in (x_m, y_m))
-    return Objects(*values, zero, zero, zero, zero + height_m, zero + rcs_dbsm, first - 1, first)
+    return Objects(*values, zero, zero, zero, zero + height_m, zero + rcs_dbsm, first - 1)
 
 
 @pytest.fixture

@@ -64,9 +64,7 @@ def with_box(build_scene, forward_of, monkeypatch):
         zero, first = np.zeros(1), np.zeros(1, np.int16)
         walls = Walls(first, zero + wall_db, np.array([bounce]), ("grass",))
         box = {name: zero + value for name, value in BOX.items()}
-        objects = Objects(
-            zero + 26.0, zero + 20.0, **box, rcs_dbsm=zero * np.nan, aspect=first - 1, kind=first, walls=walls
-        )
+        objects = Objects(zero + 26.0, zero + 20.0, **box, rcs_dbsm=zero * np.nan, aspect=first - 1, walls=walls)
         scene = build_scene(lambda east, north: 0.0 * east, cells=(40, 50), cell_m=1.0, names=("dyke", "grass"))
         found = forward_of(
             replace(scene, objects=objects), radar={"nesz_db": -100.0, "looks": 1},

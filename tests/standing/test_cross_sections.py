@@ -55,7 +55,7 @@ def one_object(heading_deg, depression_deg, tables, name=0, **keys):
     one = np.zeros(1)
     point = Objects(
         np.array([NX / 2]), np.array([NY / 2]), one, one, np.array([heading_deg]), one, one + np.nan,
-        np.full(1, name, np.int16), np.zeros(1, np.int16), tables=tables,
+        np.full(1, name, np.int16), tables=tables,
     )  # fmt: skip
     scene = Scene("flat", ("ground",), np.ones((NY, NX), np.uint8), np.zeros((NY, NX)), 1.0, objects=point)
     radar = Radar(
@@ -142,9 +142,7 @@ def test_damaged_files(tmp_path):
 def test_tables_are_in_the_scenes_file_and_in_its_identity(tmp_path):
     tables = cross_sections(str(written(tmp_path, rows())), "key")
     one = np.zeros(1)
-    some = Objects(
-        one, one, one, one, one, one, one + np.nan, np.zeros(1, np.int16), np.zeros(1, np.int16), tables=tables
-    )
+    some = Objects(one, one, one, one, one, one, one + np.nan, np.zeros(1, np.int16), tables=tables)
     scene = Scene("flat", ("ground",), np.ones((8, 8), np.uint8), np.zeros((8, 8)), 1.0, objects=some)
     write_scene(tmp_path / "scene.h5", scene)
     found = read_scene(tmp_path / "scene.h5").objects

@@ -164,7 +164,6 @@ def test_points_and_footprints_are_boxes(tmp_path: Path, build: Any) -> None:
     # true north lies 1.16 degrees from the grid's north at this place: sin(52.17 deg) times 1.47 deg from the meridian
     east = Transformer.from_crs(UTM, "EPSG:4326", always_xy=True).transform(WEST + 500, SOUTH + 500)[0] - 3.0
     assert objects.heading_deg[2] == pytest.approx(40 - np.sin(np.radians(52.17)) * east, abs=0.01)
-    assert [objects.kinds[k] for k in objects.kind] == ["house", "house", "tree", "tree"]
     assert objects.rcs_dbsm == pytest.approx(np.array([3, 3, -6, -6]) + 10 * np.log10([360, 200, 12, 12]), abs=0.01)
     assert found(scene, "features_large")[0].numbers == {"features": 1, "codes": "building=* (1)"}
     assert found(scene, "features_unmapped")[0].numbers == {"features": 1, "codes": "building=no (1)"}

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from radcal.cdb.mosaic import Log, band, by_level
-from radcal.reading.cdb import CdbFile, step_deg
+from radcal.cdb.mosaic import Log, band
+from radcal.reading.cdb import CdbFile
 from radcal.scene.crs import transformer
 from radcal.scene.grid import Grid
 
@@ -38,18 +38,15 @@ def imagery(
     longitude, latitude = transformer("EPSG:4326", grid.crs).transform(x, y, direction="INVERSE")
     found = np.full((*x.shape, 3), _GREY, dtype=np.uint8)
     levels = np.full(x.shape, -99, dtype=np.int8)
-    for (level, width), group in by_level(tiles):
-        dx, dy = step_deg(level, width)
-        for tile in group:
-            row, column = (
-                np.floor(at).astype(int) for at in ((latitude - tile.box[1]) / dy, (longitude - tile.box[0]) / dx)
-            )
-            inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) < tile.cells)
-            if not inside.any() or (read := band(tile, log, None, **_UNTAGGED)) is None:
-                continue
-            colours = np.moveaxis(read[0], 0, -1)
-            if colours.shape[-1] != 3 or colours.dtype != np.uint8:
-                log.left_out(tile.path, f"it has {colours.shape[-1]} bands of {colours.dtype}, expected 3 of uint8")
-                continue
-            found[inside], levels[inside] = colours[row[inside], column[inside]], level
+    for tile in sorted(tiles, key=lambda one: one.level):
+        row = np.floor((latitude - tile.box[1]) / tile.step[1]).astype(np.int64)
+        column = np.floor((longitude - tile.box[0]) / tile.step[0]).astype(np.int64)
+        inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) < tile.cells)
+        if not inside.any() or (read := band(tile, log, None, **_UNTAGGED)) is None:
+            continue
+        colours = np.moveaxis(read[0], 0, -1)
+        if colours.shape[-1] != 3 or colours.dtype != np.uint8:
+            log.left_out(tile.path, f"it has {colours.shape[-1]} bands of {colours.dtype}, expected 3 of uint8")
+            continue
+        found[inside], levels[inside] = colours[row[inside], column[inside]], tile.level
     return (found if (levels > -99).any() else None), levels

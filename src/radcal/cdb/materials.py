@@ -12,6 +12,7 @@ OGC 15-113r6, sections 2.5.2.2 (tables of composite materials) and 5.6.3 (raster
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,11 +20,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.cdb.mapping import CdbMapping
-from radcal.cdb.mosaic import Lattice, Log, band, by_level
+from radcal.cdb.mosaic import Lattice, Log, band
 from radcal.errors import SceneError
 from radcal.findings import Finding
-from radcal.reading.cdb import BASE_MATERIALS, CdbFile, step_deg
-from radcal.reading.intake import guarded, read_xml
+from radcal.reading.cdb import BASE_MATERIALS, CdbFile
+from radcal.reading.intake import read_xml
 
 NO_TILE = 255  # id of cells without a raster of materials
 _CLEAR = 0.8  # share of a composite material above which a cell is not mixed
@@ -49,47 +50,30 @@ def composites(
     ndarray of int8
         Level of each element.
     """
-    names = [_UNKNOWN]
+    names = {_UNKNOWN: 0}
     found = np.full((to.rows, to.columns), -1, dtype=np.int32)
     mixed = np.zeros(found.shape, dtype=np.bool_)
     levels = np.full(found.shape, -99, dtype=np.int8)
     tables = {(one.level, one.box): one.path for one in files if _is_table(one)}
     base = _base_materials(log)
     layers: dict[tuple[int, tuple[float, ...]], dict[tuple[int, int], CdbFile]] = {}
-    for one in files:
+    for one in sorted(files, key=lambda one: one.level):
         if one.dataset == 5 and one.path.suffix == ".tif" and one.first in (1, 2):
             layers.setdefault((one.level, one.box), {})[one.first, one.second] = one
-    for (level, width), group in by_level(next(iter(of.values())) for of in layers.values()):
-        step = step_deg(level, width)
-        for tile in group:
-            if (path := tables.get((level, tile.box))) is None:
-                log.left_out(tile.path, "it has no table of composite materials (dataset 006)")
-                continue
-            if (table := _table(path, base, log)) is None:
-                continue
-            numbers = np.zeros(256, dtype=np.int32)
-            for key, name in table.items():
-                if name not in names:
-                    names.append(name)
-                numbers[key] = names.index(name)
-            if (read := _largest(layers[level, tile.box], numbers, log)) is None:
-                continue
-            number, share = read
-            row, rows = _inside(to.latitude, tile.box[1], step[1], tile.cells)
-            column, columns = _inside(to.longitude, tile.box[0], step[0], tile.cells)
-            at = np.ix_(rows, columns)
-            found[at], levels[at] = number[np.ix_(row, column)], level
-            mixed[at] = share[np.ix_(row, column)] < _CLEAR
-    return found, names, mixed, levels
-
-
-def _inside(
-    places: NDArray[np.float64], low: float, step: float, cells: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Elements of a tile that contain places, and the numbers of these places."""
-    element = np.floor((places - low) / step).astype(np.int64)
-    number = np.flatnonzero((element >= 0) & (element < cells))
-    return element[number], number
+    for key, of_tile in layers.items():
+        tile = next(iter(of_tile.values()))
+        if key not in tables:
+            log.left_out(tile.path, "it has no table of composite materials (dataset 006)")
+            continue
+        if (table := _table(tables[key], base, log)) is None:
+            continue
+        numbers = np.zeros(256, dtype=np.int32)
+        numbers[list(table)] = [names.setdefault(name, len(names)) for name in table.values()]
+        if (read := _largest(of_tile, numbers, log)) is None:
+            continue
+        at, elements = to.within(tile)
+        found[at], mixed[at], levels[at] = read[0][elements], read[1][elements] < _CLEAR, tile.level
+    return found, list(names), mixed, levels
 
 
 def _largest(
@@ -110,12 +94,10 @@ def _largest(
     if index.dtype != np.uint8:
         log.left_out(layers[1, 1].path, f"it holds {index.dtype}, expected uint8")
         return None
-    number, count = numbers[index], len(index)
-    if count == 1:
-        return number[0], np.ones(number[0].shape)
-    share = np.full(number.shape, 1.0 / count)
+    number = numbers[index]
+    share = np.full(number.shape, 1.0 / len(number))
     given = [band(layers[2, k], log) for k in shares]
-    if shares == seconds[:-1] and all(one is not None for one in given):
+    if given and shares == seconds[:-1] and all(one is not None for one in given):
         share[:-1] = [_fraction(one[0]) for one in given if one is not None]
         share[-1] = np.clip(1.0 - share[:-1].sum(axis=0), 0.0, 1.0)
     elif given:
@@ -135,25 +117,15 @@ def _fraction(values: NDArray[Any]) -> NDArray[np.float64]:
 def _base_materials(log: Log) -> set[str]:
     """Names of base materials that the database defines; empty if its list is missing or damaged."""
     path = log.root / BASE_MATERIALS
-    root = _xml(path, log) if path.is_file() else None
+    root = log.read(path, "XML", lambda: read_xml(path)) if path.is_file() else None
     return (
         set() if root is None else {text.strip() for text in root.xpath("//*[local-name()='Base_Material']/*/text()")}
     )
 
 
-def _xml(path: Path, log: Log) -> Any:
-    """Root element of an XML file; None if it is left out."""
-    try:
-        with guarded(path, lambda text: log.refused(path, text), "XML"):
-            return read_xml(path)
-    except SceneError as error:
-        log.left_out_by(error)
-        return None
-
-
 def _table(path: Path, base: set[str], log: Log) -> dict[int, str] | None:
     """Name of each index of a table of composite materials; None if the table is damaged."""
-    if (root := _xml(path, log)) is None:
+    if (root := log.read(path, "XML", lambda: read_xml(path))) is None:
         return None
     table = {}
     for one in root.xpath(_COMPOSITES):
@@ -172,7 +144,7 @@ def _table(path: Path, base: set[str], log: Log) -> dict[int, str] | None:
 def weights(files: Sequence[CdbFile], log: Log) -> Iterator[tuple[str, dict[str, float]]]:
     """Name of each composite material of each table, and the weights of the base materials of its primary substrate."""
     for file in filter(_is_table, files):
-        root = _xml(file.path, log)
+        root = log.read(file.path, "XML", partial(read_xml, file.path))
         for one in [] if root is None else root.xpath(_COMPOSITES):
             found: dict[str, float] = {}
             for part in one.xpath("*[local-name()='Primary_Substrate']/*[local-name()='Material']"):

@@ -6,24 +6,26 @@ of the tile; elements of other rasters are areas. A tile lies where its name say
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.errors import RadcalError, SceneError, UnreadFile
 from radcal.findings import Finding
-from radcal.reading.cdb import CdbFile, step_deg
+from radcal.reading.cdb import CdbFile
 from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.grid import LARGEST_CELLS, Source
 from radcal.scene.raster import HIGHEST_M, LOWEST_M
 
+T = TypeVar("T")
 POST, AREA = 0.0, 0.5  # place of an element, from the south-west corner of its area [elements]
 _MARGIN = 4  # elements around the bounds: cubic convolution reaches 2
 _OFF = 0.1  # largest distance of a file's tags from the place of its name without a finding [elements]
@@ -56,6 +58,15 @@ class Log(list[Finding]):
         if not isinstance(error.about, UnreadFile):
             raise error
         self.left_out(error.about.path, error.about.reason)
+
+    def read(self, path: Path, called: str, read: Callable[[], T]) -> T | None:
+        """What a function reads from a file in a format, as :func:`.guarded`; None for a file that is left out."""
+        try:
+            with guarded(path, partial(self.refused, path), called):
+                return read()
+        except SceneError as error:
+            self.left_out_by(error)
+            return None
 
     def refused(self, path: Path, text: str) -> SceneError:
         """Error on a file, from the end of a sentence."""
@@ -115,6 +126,15 @@ class Lattice:
         """Latitude of each row, the first in the south [deg]."""
         return np.asarray((self.south + np.arange(self.rows) + self.at) * self.step[1])
 
+    def within(self, tile: CdbFile) -> tuple[Any, Any]:
+        """Indices of the elements inside of a tile, and those of the tile's elements that contain them."""
+        ours, theirs = [], []
+        for places, low, step in zip((self.latitude, self.longitude), tile.box[1::-1], tile.step[::-1], strict=True):
+            element = np.floor((places - low) / step + 1e-6).astype(np.int64)  # posts lie on borders of elements
+            ours.append(np.flatnonzero((element >= 0) & (element < tile.cells)))
+            theirs.append(element[ours[-1]])
+        return np.ix_(*ours), np.ix_(*theirs)
+
     @contextmanager
     def source(self, root: Path, values: NDArray[Any], nodata: float) -> Iterator[Source]:
         """Raster of values in memory, whose pixels have their centres at the elements; row 0 is in the south."""
@@ -139,28 +159,17 @@ def band(tile: CdbFile, log: Log, bands: int | None = 1, **settings: str) -> tup
 
     With ``bands`` None, all bands, along axis 0; ``settings`` are configuration options of GDAL.
     """
-    try:
-        with (
-            guarded(tile.path, partial(log.refused, tile.path), "a raster"),
-            open_raster(tile.path, (), **settings) as raster,
-        ):
+
+    def read() -> tuple[NDArray[Any], Any]:
+        with open_raster(tile.path, (), **settings) as raster:
             if raster.shape != (tile.cells, tile.cells):
                 found = f"{raster.shape[0]} x {raster.shape[1]}"
                 raise log.refused(tile.path, f"has {found} elements, expected {tile.cells} x {tile.cells}")
             check_blocks(raster)
-            values, transform = raster.read(bands, masked=True), raster.transform
-    except SceneError as error:
-        log.left_out_by(error)
-        return None
-    return values.filled(np.nan if values.dtype.kind == "f" else 0)[..., ::-1, :], transform
+            values = raster.read(bands, masked=True)
+            return values.filled(np.nan if values.dtype.kind == "f" else 0)[..., ::-1, :], raster.transform
 
-
-def by_level(tiles: Iterable[CdbFile]) -> Iterator[tuple[tuple[int, int], list[CdbFile]]]:
-    """Tiles of each level and width of geocells, coarse levels first."""
-    groups: dict[tuple[int, int], list[CdbFile]] = {}
-    for tile in tiles:
-        groups.setdefault((tile.level, tile.width), []).append(tile)
-    yield from sorted(groups.items())
+    return log.read(tile.path, "a raster", read)
 
 
 def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
@@ -172,8 +181,7 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
     found = np.full((to.rows, to.columns), np.nan)
     levels = np.full(found.shape, -99, dtype=np.int8)
     off: list[tuple[int, float, float]] = []
-    for (level, width), group in by_level(tiles):
-        step = step_deg(level, width)
+    for (level, step), group in groupby(sorted(tiles, key=_resolution), _resolution):
         every = max(1, round(to.step[1] / step[1]))
         own = Lattice.around(to.box, (every * step[0], every * step[1]), POST)
         posts = np.full((own.rows, own.columns), np.nan)
@@ -187,8 +195,8 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
             if lost := np.count_nonzero(no_land):
                 log.left_out(tile.path, f"{lost} of its heights, which are not from {LOWEST_M:g} to {HIGHEST_M:g} m")
                 values[no_land] = np.nan
-            west, south = round(tile.box[0] / own.step[0]) - own.west, round(tile.box[1] / own.step[1]) - own.south
-            _paste(posts, values[::every, ::every], south, west)
+            at, elements = own.within(tile)
+            posts[at] = values[elements]
             off.append((level, *_off(tile, step, transform)))
         value = _bilinear(posts, to.latitude / own.step[1] - own.south, to.longitude / own.step[0] - own.west)
         known = np.isfinite(value)
@@ -199,12 +207,8 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
     return found, levels
 
 
-def _paste(to: NDArray[Any], values: NDArray[Any], row: int, column: int) -> None:
-    """Copy the part of an array that lies inside of another one, whose element (0, 0) has the given place."""
-    (top, left), (rows, columns) = (max(0, row), max(0, column)), values.shape
-    bottom, right = min(to.shape[0], row + rows), min(to.shape[1], column + columns)
-    if top < bottom and left < right:
-        to[top:bottom, left:right] = values[top - row : bottom - row, left - column : right - column]
+def _resolution(tile: CdbFile) -> tuple[int, tuple[float, float]]:
+    return tile.level, tile.step
 
 
 def _off(tile: CdbFile, step: tuple[float, float], transform: Any) -> tuple[float, float]:

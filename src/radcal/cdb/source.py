@@ -41,8 +41,8 @@ def _lattices(files: Sequence[CdbFile], config: CdbScene, root: Path) -> tuple[L
     posts, elements = (max(_tiles(files, k), key=lambda one: one.level, default=None) for k in (1, 5))
     if posts is None:
         raise SceneError(f"scene.root: {root} has no elevation (dataset 001) in scene.bounds.")
-    of_posts, of_elements = (step_deg(one.level, one.width) for one in (posts, elements or posts))
-    return Lattice.sampled(config.bounds, of_posts, POST), Lattice.sampled(config.bounds, of_elements, AREA)
+    step = (elements or posts).step
+    return Lattice.sampled(config.bounds, posts.step, POST), Lattice.sampled(config.bounds, step, AREA)
 
 
 def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:

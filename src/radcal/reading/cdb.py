@@ -62,6 +62,11 @@ class CdbFile:
         """Number of grid elements along a side of the tile."""
         return CELLS >> max(-self.level, 0)
 
+    @property
+    def step(self) -> tuple[float, float]:
+        """Distance of these elements along longitude and latitude [deg]."""
+        return step_deg(self.level, self.width)
+
 
 def cell_width_deg(south: int) -> int:
     """Width of a geocell [deg] whose southern edge has a latitude [deg]; the zones are symmetric to the equator."""

@@ -92,13 +92,7 @@ def generate_objects(
         part["x_m"], part["y_m"] = _outside(count, size_m, rng, houses, owner, plot, plots)
         parts.append(part)
     columns: dict[str, Any] = {name: np.concatenate([part[name] for part in parts]) for name in houses}
-    counts = (buildings, trees, cars)
-    return Objects(
-        **columns,
-        aspect=np.full(sum(counts), -1, dtype=np.int16),
-        kind=np.repeat(np.arange(3, dtype=np.int16), counts),
-        kinds=("building", "tree", "car"),
-    )
+    return Objects(**columns, aspect=np.full(buildings + trees + cars, -1, dtype=np.int16))
 
 
 def _sizes(kind: Kind, count: int, rng: np.random.Generator, round_: bool) -> dict[str, NDArray[np.float64]]:

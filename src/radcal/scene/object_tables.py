@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from radcal.errors import SceneError
 from radcal.reading.intake import elsewhere, guarded
 from radcal.reading.vectors import ENDINGS, read_vectors
-from radcal.scene.objects import Objects, Walls, rectangles
+from radcal.scene.objects import Objects, rectangles
 from radcal.sections.scene import DBSM_LIMITS, WALL_DB_LIMITS, check_curve
 from radcal.standing.cross_sections import LARGEST_ROWS, CrossSection, columns_of
 
@@ -38,7 +38,7 @@ _LIMITS: dict[str, tuple[float, float, str]] = {
 }
 _MAY_BE_EMPTY = ("rcs_dbsm", "wall_sigma0_db", "bounce")
 _DEFAULTS = {"length_m": 0.0, "width_m": 0.0, "heading_deg": 0.0, "speed_mps": 0.0}
-_TEXTS = ("aspect", "roof", "kind")
+_TEXTS = ("aspect", "roof")
 _COLUMNS = ("x_m", "y_m", *_LIMITS, *_TEXTS)
 
 
@@ -307,25 +307,11 @@ def _checked(
     refuse(by_aspect & np.isfinite(values["rcs_dbsm"]), "rcs_dbsm", "it empty where the row has an aspect class")
     for row in np.flatnonzero(total & np.isnan(values["rcs_dbsm"]))[:1]:
         raise _error(path, f"row {row + 1}: rcs_dbsm is empty, expected a number, an aspect class or a roof.")
-    wall_db, bounce = values.pop("wall_sigma0_db"), values.pop("bounce")
-    walls = Walls.of(roofs, wall_db, bounce, permittivity)
-    kinds, kind = np.unique(_texts(table, "kind"), return_inverse=True)
-    order = {name: k for k, name in enumerate(known)}
-    names, which = np.unique(classes, return_inverse=True)
-    number = np.array([order.get(str(name), -1) for name in names], dtype=np.int16)
     values["x_m"] = values["x_m"] - place.corner_m[0]
     values["y_m"] = values["y_m"] - place.corner_m[1]
-    speed = values.pop("speed_mps")
-    return Objects(
-        **values,
-        speed_mps=speed if speed.any() else None,
-        aspect=number[which],
-        kind=kind.astype(np.int16),
-        kinds=tuple(str(name) for name in kinds),
-        curves={name: np.asarray(curve, dtype=np.float64) for name, curve in curves.items()},
-        tables=tables,
-        walls=walls,
-    )
+    if not values["speed_mps"].any():
+        del values["speed_mps"]
+    return Objects.of(values, classes, roofs, tables, permittivity, curves)
 
 
 def _check_roofs(

@@ -83,10 +83,6 @@ class Objects:
         walls and roof scatter apart.
     aspect : ndarray of int16, shape (n,)
         Index of the object's class, first those of ``curves``, then those of ``tables``; -1 for an object without one.
-    kind : ndarray of int16, shape (n,)
-        Index, in ``kinds``, of the object's kind.
-    kinds : tuple of str
-        Names of the kinds of objects, such as "car".
     curves : mapping of str to ndarray of float64, shape (k, 2)
         Curves of cross-section by aspect, in the order of the indices in ``aspect``: each row holds an aspect [deg] and
         the cross-section [dBsm].
@@ -106,12 +102,39 @@ class Objects:
     height_m: NDArray[np.float64]
     rcs_dbsm: NDArray[np.float64]
     aspect: NDArray[np.int16]
-    kind: NDArray[np.int16]
-    kinds: tuple[str, ...] = ("",)
     curves: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
     tables: Mapping[str, CrossSection] = field(default_factory=dict)
     walls: Walls | None = None
     speed_mps: NDArray[np.float64] | None = None
+
+    @classmethod
+    def of(
+        cls, columns: Mapping[str, NDArray[np.float64]], classes: NDArray[np.str_], roofs: NDArray[np.str_],
+        tables: Mapping[str, CrossSection], permittivity: tuple[float, ...] | None,
+        curves: Mapping[str, ArrayLike] | None = None,
+    ) -> Objects:  # fmt: skip
+        """Objects from columns of a table.
+
+        Parameters
+        ----------
+        columns : mapping of str to ndarray
+            Arrays of :class:`Objects` but ``aspect``, and ``wall_sigma0_db`` and ``bounce`` as for :meth:`Walls.of`.
+        classes, roofs : ndarray of str, shape (n,)
+            Name of each object's class, and of its roof's material; empty without one.
+        tables, permittivity, curves
+            As in :class:`Objects` and :class:`Walls`.
+        """
+        import pandas as pd
+
+        found = {name: np.asarray(curve, dtype=np.float64) for name, curve in (curves or {}).items()}
+        names = dict.fromkeys([*found, *(table.name for table in tables.values())])
+        return cls(
+            **{name: columns[name] for name in _ARRAYS if name in columns},
+            aspect=pd.Index(list(names), dtype=object).get_indexer(pd.Index(classes)).astype(np.int16),
+            curves=found,
+            tables=tables,
+            walls=Walls.of(roofs, columns["wall_sigma0_db"], columns["bounce"], permittivity),
+        )
 
     def __len__(self) -> int:
         return len(self.x_m)
@@ -123,12 +146,8 @@ class Objects:
 
     def some(self, chosen: NDArray[np.bool_]) -> Objects:
         """Objects of a mask."""
-        held = {name: getattr(self, name) for name in _ARRAYS}
-        walls = self.walls
-        if walls is not None:
-            names = ("roof", "sigma0_db", "bounce")
-            walls = replace(walls, **{name: getattr(walls, name)[chosen] for name in names})
-        return replace(self, walls=walls, **{name: each[chosen] for name, each in held.items() if each is not None})
+        found: Objects = _chosen(self, chosen)
+        return found if self.walls is None else replace(found, walls=_chosen(self.walls, chosen))
 
     @property
     def extended(self) -> NDArray[np.bool_]:
@@ -137,12 +156,10 @@ class Objects:
 
     @property
     def identity(self) -> str:
-        """Hash of all properties of the objects that affect an image: all except the kind."""
+        """Hash of all properties of the objects, which all affect an image."""
         described = {
             "version": 1,
-            "arrays": {
-                name: _hash(held) for name in _ARRAYS if name != "kind" and (held := getattr(self, name)) is not None
-            },
+            "arrays": {name: _hash(held) for name in _ARRAYS if (held := getattr(self, name)) is not None},
             "curves": [[name, np.asarray(curve).tolist()] for name, curve in self.curves.items()],
         }
         if self.tables:
@@ -200,7 +217,13 @@ class Objects:
         return np.asarray(10.0 ** (dbsm / 10.0))
 
 
-_ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("kinds", "curves", "tables", "walls"))
+_ARRAYS = tuple(item.name for item in fields(Objects) if item.name not in ("curves", "tables", "walls"))
+
+
+def _chosen(one: Any, chosen: NDArray[np.bool_]) -> Any:
+    """Dataclass with the entries of its arrays that a mask chooses."""
+    arrays = {item.name: getattr(one, item.name) for item in fields(one)}
+    return replace(one, **{name: held[chosen] for name, held in arrays.items() if isinstance(held, np.ndarray)})
 
 
 def _hash(array: NDArray[np.generic]) -> str:

@@ -12,9 +12,9 @@ from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.scene.crs import transformer
 from radcal.scene.grid import Grid
-from radcal.scene.objects import Objects, Walls, rectangles
+from radcal.scene.objects import Objects, rectangles
 from radcal.standing.cross_sections import cross_sections
-from radcal.vectors.mapping import FeatureMapping
+from radcal.vectors.mapping import FeatureClass, FeatureMapping
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -124,16 +124,19 @@ def objects_of(
     SceneError
         It cannot be read, or lacks a class that the mapping names.
     """
+    import pandas as pd
     import shapely
 
-    which, classes = mapping.fitting(features, mapping.features), list(mapping.features.values())
+    which = mapping.fitting(features, mapping.features)
     named = (which >= 0) & (shapely.get_dimensions(features["shape"].to_numpy()) != 1)
-    which, table = which[named], features[named]
-    keys = np.array(list(mapping.features))[which]
+    table, keys = features[named], np.array(list(mapping.features))[which[named]]
+    usual = pd.DataFrame(
+        [one.model_dump() for one in mapping.features.values()], columns=list(FeatureClass.model_fields)
+    )
+    usual = usual.iloc[which[named]]
     of = {name: table[name].to_numpy() for name in NUMBERS}
     for name in ("length_m", "width_m", "height_m"):
-        usual = np.array([getattr(one, name) or np.nan for one in classes])[which]
-        of[name] = np.where(of[name] > 0, of[name], usual)
+        of[name] = np.where(of[name] > 0, of[name], usual[name].astype(np.float64))
     shapes = table["shape"].to_numpy()
     area = shapely.area(shapes) > _LEAST_M2
     x, y = shapely.get_coordinates(shapely.centroid(shapes)).T.copy()
@@ -153,34 +156,26 @@ def objects_of(
     ground = ground_m[row, column]
     # a shape without heights stands on the ground, also where heights are those above the datum
     base = np.nan_to_num(of["base_m"][small] - np.where(of["absolute"][small] > 0, ground, 0.0))
-    kinds, kind = np.unique([classes[k].kind or key for k, key in zip(which, keys, strict=True)], return_inverse=True)
     found = cross_sections(tables, "scene.cross_sections")
     names = list(dict.fromkeys(one.name for one in found.values()))
-    if lacking := {one.cross_section for one in classes} - {None, *names}:
+    if lacking := {one.cross_section for one in mapping.features.values()} - {None, *names}:
         raise SceneError(f"scene.cross_sections has no class {min(map(str, lacking))!r}, found {names}.")
-
-    def each(name: str) -> NDArray[np.float64]:
-        """Numbers of the objects' classes, NaN for those without one."""
-        values = [getattr(one, name) for one in classes]
-        return np.asarray(np.array([np.nan if one is None else float(one) for one in values])[which[small]])
-
-    roofs = np.array([one.roof or "" for one in classes])[which[small]]
+    usual = usual[small]
+    decibels, of_wall, bounce = usual[["rcs_db_per_m2", "wall_sigma0_db", "bounce"]].to_numpy(dtype=np.float64).T
+    columns = {
+        "x_m": x,
+        "y_m": y,
+        "length_m": length,
+        "width_m": width,
+        "heading_deg": heading[small] % 360.0,
+        "height_m": np.maximum(height + base, 0.0),
+        "rcs_dbsm": decibels + 10.0 * np.log10(length * width),
+        "wall_sigma0_db": of_wall,
+        "bounce": bounce,
+    }
+    classes, roofs = (usual[name].fillna("").to_numpy(dtype=str) for name in ("cross_section", "roof"))
     permittivity = None if mapping.permittivity is None else mapping.permittivity.pair
-    aspect = np.array([names.index(one.cross_section) if one.cross_section else -1 for one in classes], dtype=np.int16)
-    return Objects(
-        x_m=x,
-        y_m=y,
-        length_m=length,
-        width_m=width,
-        heading_deg=heading[small] % 360.0,
-        height_m=np.maximum(height + base, 0.0),
-        rcs_dbsm=each("rcs_db_per_m2") + 10.0 * np.log10(length * width),
-        aspect=aspect[which[small]],
-        kind=kind[small].astype(np.int16),
-        kinds=tuple(str(name) for name in kinds),
-        tables=found,
-        walls=Walls.of(roofs, each("wall_sigma0_db"), each("bounce"), permittivity),
-    )
+    return Objects.of(columns, classes, roofs, found, permittivity)
 
 
 def _true_north_deg(grid: Grid, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:

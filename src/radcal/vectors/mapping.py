@@ -31,7 +31,7 @@ M = TypeVar("M", bound="FeatureMapping")
 class FeatureClass(Section):
     """Boxes that stand for points and footprints; the sizes are for features that have none themselves."""
 
-    kind: str = Field("", description="name of the kind of object")
+    kind: str = Field("", description="what the objects are, for readers of the file")
     rcs_db_per_m2: Decibels | None = Field(None, description="mean cross-section per square metre of footprint [dB]")
     cross_section: str | None = Field(None, description="class of scene.cross_sections")
     roof: str | None = Field(None, min_length=1, description="material of the roof; walls scatter apart from it")
