@@ -16,7 +16,7 @@ import numpy as np
 from radcal.cdb.mosaic import Log
 from radcal.errors import RadcalError
 from radcal.reading.cdb import CdbFile
-from radcal.reading.vectors import VectorLayer, read_shapefiles
+from radcal.reading.vectors import VectorLayer, read_layers
 from radcal.vectors.mapping import text_of
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def read_features(files: Sequence[CdbFile], attributes: Sequence[str], log: Log)
     }  # fmt: skip
     tables = [path for path in classes.values() if path.is_file() and path.stat().st_size > _EMPTY_DBF]
     paths = [*(one.path for one in classes), *tables]
-    read = dict(zip(paths, read_shapefiles(paths, log.refused), strict=True))
+    read = dict(zip(paths, read_layers(paths, log.refused), strict=True))
     for result in read.values():
         if isinstance(result, RadcalError):
             log.left_out_by(result)

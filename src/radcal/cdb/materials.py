@@ -11,7 +11,7 @@ OGC 15-113r6, sections 2.5.2.2 (tables of composite materials) and 5.6.3 (raster
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -98,7 +98,10 @@ def _largest(
     share = np.full(number.shape, 1.0 / len(number))
     given = [band(layers[2, k], log) for k in shares]
     if given and shares == seconds[:-1] and all(one is not None for one in given):
-        share[:-1] = [_fraction(one[0]) for one in given if one is not None]
+        for k, one in enumerate(one[0] for one in given if one is not None):
+            # integers are scaled to their largest value (requirement 105)
+            largest = np.iinfo(one.dtype).max if one.dtype.kind in "ui" else 1.0
+            share[k] = np.nan_to_num(one.astype(np.float64)) / largest
         share[-1] = np.clip(1.0 - share[:-1].sum(axis=0), 0.0, 1.0)
     elif given:
         log.left_out(layers[1, 1].path, "a layer of shares is missing or damaged: equal shares are taken")
@@ -106,12 +109,6 @@ def _largest(
     total = np.stack([np.where(number == one, share, 0.0).sum(axis=0) for one in number])
     best = np.argmax(total, axis=0)[None]
     return np.take_along_axis(number, best, 0)[0], np.take_along_axis(total, best, 0)[0]
-
-
-def _fraction(values: NDArray[Any]) -> NDArray[np.float64]:
-    """Shares from 0 to 1; integers are scaled to their largest value (requirement 105)."""
-    largest = np.iinfo(values.dtype).max if values.dtype.kind in "ui" else 1.0
-    return np.nan_to_num(values.astype(np.float64)) / largest
 
 
 def _base_materials(log: Log) -> set[str]:
@@ -190,7 +187,8 @@ def material_ids(
     lacking = [name not in mapping.composites and counts[k] > 0 for k, name in enumerate(names)]
     if any(lacking):
         share = counts[lacking].sum() / total
-        listed = _listed((name, counts[k] / total) for k, name in enumerate(names) if lacking[k])
+        order = [k for k in np.argsort(-counts, kind="stable") if lacking[k]]
+        listed = ", ".join(f"{names[k]} ({counts[k] / total:.2g})" for k in order)
         if share > MOST_BARE:
             raise SceneError(
                 f"scene.materials: no material for {share:.1%} of the cells, expected for at most 1 %: {listed} of "
@@ -202,8 +200,3 @@ def material_ids(
         log.append(Finding("cdb_mixed", "warning", "scene.root", numbers))
     of_number = np.array([ids.get(mapping.composites.get(name, ""), 0) for name in names] + [NO_TILE], dtype=np.uint8)
     return of_number[number], mixed, levels
-
-
-def _listed(shares: Iterable[tuple[str, float]]) -> str:
-    """Names with their shares, the largest first."""
-    return ", ".join(f"{name} ({share:.2g})" for name, share in sorted(shares, key=lambda one: -one[1]))

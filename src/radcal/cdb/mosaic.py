@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
+from operator import attrgetter
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -21,19 +22,15 @@ from radcal.errors import RadcalError, SceneError, UnreadFile
 from radcal.findings import Finding
 from radcal.reading.cdb import CdbFile
 from radcal.reading.intake import guarded
-from radcal.reading.rasters import check_blocks, open_raster
+from radcal.reading.rasters import check_blocks, in_memory, open_raster
 from radcal.scene.grid import LARGEST_CELLS, Source
 from radcal.scene.raster import HIGHEST_M, LOWEST_M
 
 T = TypeVar("T")
 POST, AREA = 0.0, 0.5  # place of an element, from the south-west corner of its area [elements]
 _MARGIN = 4  # elements around the bounds: cubic convolution reaches 2
+_RESOLUTION = attrgetter("level", "step")
 _OFF = 0.1  # largest distance of a file's tags from the place of its name without a finding [elements]
-
-
-def level_name(level: int) -> str:
-    """Level of detail as in the names of files."""
-    return f"LC{-level:02d}" if level < 0 else f"L{level:02d}"
 
 
 class Log(list[Finding]):
@@ -139,19 +136,12 @@ class Lattice:
     def source(self, root: Path, values: NDArray[Any], nodata: float) -> Iterator[Source]:
         """Raster of values in memory, whose pixels have their centres at the elements; row 0 is in the south."""
         from pyproj import CRS
-        from rasterio.io import MemoryFile
-        from rasterio.transform import Affine
+        from rasterio.transform import from_origin
 
         (dx, dy), crs = self.step, CRS.from_epsg(4326)
-        transform = Affine(dx, 0.0, (self.west + self.at - 0.5) * dx, 0.0, dy, (self.south + self.at - 0.5) * dy)
-        with MemoryFile() as memory:
-            with memory.open(
-                driver="GTiff", height=self.rows, width=self.columns, count=1, dtype=values.dtype, crs="EPSG:4326",
-                transform=transform, nodata=nodata,
-            ) as raster:  # fmt: skip
-                raster.write(values, 1)
-            with memory.open() as raster:
-                yield Source("scene.root", root, raster, crs, crs)
+        transform = from_origin((self.west + self.at - 0.5) * dx, (self.south + self.at - 0.5) * dy, dx, -dy)
+        with in_memory(values, "EPSG:4326", transform, nodata) as raster:
+            yield Source("scene.root", root, raster, crs, crs)
 
 
 def band(tile: CdbFile, log: Log, bands: int | None = 1, **settings: str) -> tuple[NDArray[Any], Any] | None:
@@ -181,7 +171,7 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
     found = np.full((to.rows, to.columns), np.nan)
     levels = np.full(found.shape, -99, dtype=np.int8)
     off: list[tuple[int, float, float]] = []
-    for (level, step), group in groupby(sorted(tiles, key=_resolution), _resolution):
+    for (level, step), group in groupby(sorted(tiles, key=_RESOLUTION), _RESOLUTION):
         every = max(1, round(to.step[1] / step[1]))
         own = Lattice.around(to.box, (every * step[0], every * step[1]), POST)
         posts = np.full((own.rows, own.columns), np.nan)
@@ -205,10 +195,6 @@ def heights(tiles: Sequence[CdbFile], to: Lattice, log: Log) -> tuple[NDArray[np
         numbers = {"tiles": len(wrong), "off_m": max(wrong)}
         log.append(Finding("cdb_tags", "warning", "scene.root", numbers))
     return found, levels
-
-
-def _resolution(tile: CdbFile) -> tuple[int, tuple[float, float]]:
-    return tile.level, tile.step
 
 
 def _off(tile: CdbFile, step: tuple[float, float], transform: Any) -> tuple[float, float]:

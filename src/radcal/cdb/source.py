@@ -13,7 +13,7 @@ from radcal.cdb.features import read_features
 from radcal.cdb.imagery import imagery
 from radcal.cdb.mapping import CdbMapping
 from radcal.cdb.materials import MOST_BARE, NO_TILE, material_ids
-from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights, level_name
+from radcal.cdb.mosaic import AREA, POST, Lattice, Log, heights
 from radcal.config import expand_path
 from radcal.errors import SceneError
 from radcal.findings import Finding, Severity
@@ -83,9 +83,8 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
             log.append(Finding("cdb_levels", "note", "scene.root", {"dataset": about, "levels": shares}))
     features = placed(read_features(files, mapping.attributes, log), "EPSG:4326", grid)
     list_unmapped(features, mapping, log)
-    datum = _DATUM
-    if config.vertical_datum is not None:
-        datum = named_datum(config.vertical_datum), "from scene.vertical_datum"
+    given = config.vertical_datum
+    datum = _DATUM if given is None else (named_datum(given), "from scene.vertical_datum")
 
     with (
         to_posts.source(root, heights_m, np.nan) as elevation,
@@ -119,8 +118,8 @@ def _told(finding: Finding) -> Finding:
 def _shares(levels: NDArray[np.int8]) -> str:
     """Levels with their shares, the finest first."""
     level, count = np.unique(levels[levels > -99], return_counts=True)
-    parts = zip(level[::-1], count[::-1] / max(count.sum(), 1), strict=True)
-    return ", ".join(f"{level_name(int(one))} ({share:.1%})" for one, share in parts)
+    parts = zip(level[::-1].tolist(), count[::-1] / max(count.sum(), 1), strict=True)
+    return ", ".join(f"{'L' if one >= 0 else 'LC'}{abs(one):02d} ({share:.1%})" for one, share in parts)
 
 
 class CdbSource(SceneSource):

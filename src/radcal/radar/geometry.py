@@ -250,10 +250,9 @@ def joined(strips: Sequence[Geometry]) -> Geometry:
     for name, parts in (("cell_material", cells), ("facet_incidence", facets), ("facet_weight", facets)):
         fields[name] = np.concatenate([getattr(one, name)[first:last] for one, first, last in parts])
     own = np.concatenate([strip.own(one.point_column) for one, strip in pairs])
-    for name in ("point_row", "point_column", "point_amplitude", "point_number"):
+    for name in ("point_row", "point_amplitude", "point_number"):
         fields[name] = np.concatenate([getattr(one, name) for one, _ in pairs])[own]
-    lefts, sizes_of = [strip.left for _, strip in pairs], [one.point_row.size for one, _ in pairs]
-    fields["point_column"] += np.repeat(lefts, sizes_of)[own]
+    fields["point_column"] = np.concatenate([one.point_column + strip.left for one, strip in pairs])[own]
     order = np.lexsort((fields["point_number"], fields["point_row"]))
     fields |= {name: values[order] for name, values in fields.items() if name.startswith("point_")}
     fields["bounces"] = np.unique(np.concatenate([one.bounces for one in strips], axis=1), axis=1)

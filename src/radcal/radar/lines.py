@@ -15,7 +15,7 @@ from radcal.radar.earth import LineOfSight, upright
 from radcal.radar.facets import ANGLES_PER_RADIAN, LAID_OVER, OBJECT, PARTLY, ROOF, VISIBLE
 from radcal.radar.footprints import Boxes, Spots, locate, raise_boxes, stand
 from radcal.radar.visibility import FAR_HALF, NEAR_HALF, laid_over
-from radcal.standing.faces import Echoes, Ground, echoes
+from radcal.standing.faces import Echoes, echoes
 
 BLOCK = 256
 """Number of the scene's rows in a block, whose cubic spline is computed at once; smaller blocks need less memory."""
@@ -89,16 +89,10 @@ class Lines:
     def empty(cls, lines: int, facets: int, heights: bool = False) -> Lines:
         """Uninitialised arrays for a number of lines and of facets per line, with or without heights."""
         shape = (lines, facets)
-        return cls(
-            np.empty(shape, np.float32),
-            np.empty(shape, np.float32),
-            np.empty(shape, np.uint16),
-            np.empty(shape, np.float32),
-            np.empty(shape, np.uint8),
-            np.empty(shape if heights else (0, 0), np.float32),
-            [],
-            [],
-        )
+        near_m, far_m, area = (np.empty(shape, np.float32) for _ in range(3))
+        incidence, state = np.empty(shape, np.uint16), np.empty(shape, np.uint8)
+        height_m = np.empty(shape if heights else (0, 0), np.float32)
+        return cls(near_m, far_m, incidence, area, state, height_m, [], [])
 
 
 def _refined(
@@ -234,11 +228,11 @@ def fill_lines(
         if bounce is not None:
             state = lines.state[part]
             seen = (state & VISIBLE > 0) - 0.5 * (state & PARTLY > 0)
-            around = Ground(
-                first, owner, roof_m, fine[1:-1], seen, horizon, float(edges[0]), step, track,
+            found = echoes(
+                boxes, *bounce, first, owner, roof_m, fine[1:-1], seen, horizon, float(edges[0]), step, track,
                 sight.level_incidence_deg,
             )  # fmt: skip
-            lines.echoes.append(echoes(boxes, around, *bounce))
+            lines.echoes.append(found)
     line, facet = np.nonzero(lines.state[part] & PARTLY)
     lines.hidden.append((line + first, hidden[0, line, facet], hidden[1, line, facet]))
     return ends(fine[1:-1], edges, track)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,8 +97,11 @@ def cdb_files(root: Path, bounds: Box, datasets: Sequence[int] = DATASETS) -> li
         Files, among them misplaced ones, whose ``fault`` says why.
     """
     found = []
-    for folder, south, west in _cells(root, bounds):
+    for folder in sorted((root / "Tiles").glob("[NS][0-9][0-9]/[EW][0-9][0-9][0-9]")):
+        south, west = (int(name[1:]) * (-1 if name[0] in "SW" else 1) for name in (folder.parent.name, folder.name))
         width = cell_width_deg(south)
+        if not _overlap((west, south, west + width, south + 1), bounds):
+            continue
         if west % width:
             fault = f"a geocell of this latitude is {width} degrees wide, its west a multiple of that"
             found.append(CdbFile(folder, fault=fault))
@@ -124,14 +127,6 @@ def imagery_files(root: Path, bounds: Box) -> list[CdbFile]:
     enough = math.ceil(math.log2(_PICTURE / CELLS / max(east - west, north - south)))
     finest = max(enough, min((one.level for one in tiles), default=enough))
     return [one for one in found if one.fault or (one in tiles and one.level <= finest)]
-
-
-def _cells(root: Path, bounds: Box) -> Iterator[tuple[Path, int, int]]:
-    """Folders of the geocells that may overlap an area, with latitude and longitude of their south-west corners."""
-    for folder in sorted((root / "Tiles").glob("[NS][0-9][0-9]/[EW][0-9][0-9][0-9]")):
-        south, west = (int(name[1:]) * (-1 if name[0] in "SW" else 1) for name in (folder.parent.name, folder.name))
-        if _overlap((west, south, west + cell_width_deg(south), south + 1), bounds):
-            yield folder, south, west
 
 
 def _parsed(path: Path, south: int, west: int, width: int) -> CdbFile:

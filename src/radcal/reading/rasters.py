@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+from numpy.typing import NDArray
 
 from radcal.reading.intake import LARGEST_VALUES, elsewhere, read_xml
 
@@ -85,6 +86,36 @@ def open_raster(path: Path, folders: Sequence[Path] = (), **settings: str) -> It
             for source in _sources(path, folders):
                 _opened(source, DRIVERS).close()
         with _opened(path, ["VRT"] if mosaic else DRIVERS) as raster:
+            yield raster
+
+
+@contextmanager
+def in_memory(values: NDArray[Any], crs: str, transform: Any, nodata: float | None = None) -> Iterator[Any]:
+    """Context with an open raster of one band that is no file.
+
+    Parameters
+    ----------
+    values : ndarray, shape (rows, columns)
+        Values of the pixels.
+    crs : str
+        CRS as code or WKT.
+    transform : affine.Affine
+        Transform from columns and rows of pixels to the CRS.
+    nodata : float, optional
+        Value that stands for no data.
+
+    Yields
+    ------
+    rasterio.DatasetReader
+    """
+    import rasterio
+
+    height, width = values.shape
+    size = {"height": height, "width": width, "count": 1, "dtype": values.dtype}
+    with rasterio.MemoryFile() as memory:
+        with memory.open(driver="GTiff", crs=crs, transform=transform, nodata=nodata, **size) as raster:
+            raster.write(values, 1)
+        with memory.open() as raster:
             yield raster
 
 

@@ -85,43 +85,40 @@ def read_vectors(path: Path, layer: str | None, refused: Callable[[str], RadcalE
     ----------
     GDAL, "Vector drivers", https://gdal.org/drivers/vector/
     """
-    found = _apart([path], lambda one: _read(one, layer, refused, key), lambda _, text: refused(text))[0]
+    found = read_layers([path], lambda _, text: refused(text), layer, key)[0]
     if isinstance(found, RadcalError):
         raise found
     return found
 
 
-def read_shapefiles(
-    paths: Sequence[Path], refused: Callable[[Path, str], RadcalError]
+def read_layers(
+    paths: Sequence[Path], refused: Callable[[Path, str], RadcalError], layer: str | None = None, key: str = ""
 ) -> list[VectorLayer | RadcalError]:
-    """Features of shapefiles, and rows of dBASE tables without a shapefile, in one process for all of them.
+    """Features of vector files, and rows of dBASE tables without a shapefile, in one process for all of them.
+
+    If this process ends early, each file is read in a process of its own.
 
     Parameters
     ----------
     paths : sequence of path
-        Files whose names end with ``.shp`` or ``.dbf``.
+        Files whose names have one of the `ENDINGS`, or end with ``.dbf``.
     refused : callable
         Function from a file and the end of a sentence to the exception.
+    layer, key : str
+        The same as for :func:`read_vectors`.
 
     Returns
     -------
     list of VectorLayer or RadcalError
         For each file its features, or the reason why it cannot be read.
     """
-    return _apart(paths, lambda path: _read(path, None, partial(refused, path)), refused)
-
-
-def _apart(
-    paths: Sequence[Path], read: Callable[[Path], VectorLayer], refused: Callable[[Path, str], RadcalError]
-) -> list[VectorLayer | RadcalError]:
-    """Layers of several files, read in another process; if this process ends early, in one for each file."""
     from concurrent.futures.process import BrokenProcessPool  # imported here, because every job imports this module
 
     def every() -> list[VectorLayer | RadcalError]:
         found: list[VectorLayer | RadcalError] = []
         for path in paths:
             try:
-                found.append(read(path))
+                found.append(_read(path, layer, partial(refused, path), key))
             except RadcalError as error:
                 found.append(error)
         return found
@@ -132,12 +129,12 @@ def _apart(
         return apart(every, _LONGEST_S)
     except BrokenProcessPool:
         if len(paths) > 1:
-            return [one for path in paths for one in _apart([path], read, refused)]
+            return [one for path in paths for one in read_layers([path], refused, layer, key)]
         reason = f"it ended the process that read it, or took more than {_LONGEST_S} s of CPU time"
         return [refused(paths[0], f"cannot be read as a vector file ({reason}).")]
 
 
-def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError], key: str = "") -> VectorLayer:
+def _read(path: Path, layer: str | None, refused: Callable[[str], RadcalError], key: str) -> VectorLayer:
     if path.suffix.lower() == ".dbf":  # a table alone: GDAL would open the shapefile beside it, which may be empty
         with tempfile.TemporaryDirectory() as folder:
             for file in (path, *(one for one in map(path.with_suffix, (".cpg", ".dbt")) if one.exists())):

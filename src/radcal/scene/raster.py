@@ -15,7 +15,7 @@ from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.reading.intake import guarded
-from radcal.reading.rasters import check_blocks
+from radcal.reading.rasters import check_blocks, in_memory
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.crs import (
     METRES,
@@ -303,33 +303,23 @@ def _warped(
     extras = {"XSCALE": 1, "YSCALE": 1} if grid.turned else {}
     # Env gives GDAL the path of PROJ's database; without this database, GDAL treats all datums as equal. A WarpedVRT,
     # which needs a file, is used because rasterio.warp.reproject() ignores the tolerance.
-    with rasterio.Env(), rasterio.MemoryFile() as memory:
-        with memory.open(
-            driver="GTiff",
-            height=values.shape[0],
-            width=values.shape[1],
-            count=1,
-            dtype=values.dtype,
-            crs=rasterio.crs.CRS.from_wkt(source.plane.to_wkt()),
-            transform=transform,
-        ) as raster:
-            raster.write(values, 1)
-        with (
-            memory.open() as raster,
-            rasterio.vrt.WarpedVRT(
-                raster,
-                crs=rasterio.crs.CRS.from_wkt(grid.crs.to_wkt()),
-                transform=rasterio.transform.from_origin(west, north, grid.cell_m, grid.cell_m),
-                height=grid.rows,
-                width=grid.columns,
-                resampling=rasterio.enums.Resampling[method],
-                tolerance=_TOLERANCE_PX,
-                nodata=empty,
-                src_nodata=empty,
-                **extras,
-            ) as warped,
-        ):
-            return np.asarray(warped.read(1))[::-1]
+    with (
+        rasterio.Env(),
+        in_memory(values, source.plane.to_wkt(), transform) as raster,
+        rasterio.vrt.WarpedVRT(
+            raster,
+            crs=rasterio.crs.CRS.from_wkt(grid.crs.to_wkt()),
+            transform=rasterio.transform.from_origin(west, north, grid.cell_m, grid.cell_m),
+            height=grid.rows,
+            width=grid.columns,
+            resampling=rasterio.enums.Resampling[method],
+            tolerance=_TOLERANCE_PX,
+            nodata=empty,
+            src_nodata=empty,
+            **extras,
+        ) as warped,
+    ):
+        return np.asarray(warped.read(1))[::-1]
 
 
 def _blocks(fine: NDArray[Any], parts: int) -> NDArray[Any]:

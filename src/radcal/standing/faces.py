@@ -25,42 +25,6 @@ Rows = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
-class Ground:
-    """Block of azimuth lines on which boxes stand; arrays have the shape (lines, facets).
-
-    Attributes
-    ----------
-    first : int
-        First line of the block.
-    owner, roof_m : ndarray
-        Index of the box on each facet, -1 without a box, and elevation of roof or ground [m].
-    ground_m : ndarray
-        Elevation of the ground at the middle of each facet [m].
-    seen : ndarray
-        Visible share of each facet; 0.5 for a partly visible one.
-    horizon : ndarray
-        Largest tangent of the angle from nadir nearer to the radar than the facet.
-    near_m, step_m : float
-        Ground range of the first facet's near edge, and width of a line and of a facet [m].
-    track_m : float
-        Elevation of the radar [m].
-    theta_deg : callable
-        Incidence on level ground [deg] at a ground range and a depth below the radar [m].
-    """
-
-    first: int
-    owner: NDArray[np.int32]
-    roof_m: Doubles
-    ground_m: Doubles
-    seen: Doubles
-    horizon: Doubles
-    near_m: float
-    step_m: float
-    track_m: float
-    theta_deg: Callable[[Doubles, Doubles], Doubles]
-
-
-@dataclass(frozen=True)
 class Echoes:
     """Echoes of walls and of double bounces, one for each piece of a face in one azimuth line.
 
@@ -122,65 +86,82 @@ def _pieces(boxes: Any, first: int, shape: tuple[int, ...]) -> tuple[Whole, Whol
     return box[face], line - first, place, width / cosine[face], cosine[face]
 
 
-def echoes(boxes: Any, ground: Ground, polarisation: str, permittivity: tuple[float, ...] | None) -> Echoes:
+def echoes(
+    boxes: Any, polarisation: str, permittivity: tuple[float, ...] | None, first: int, owner: NDArray[np.int32],
+    roof_m: Doubles, ground_m: Doubles, visible: Doubles, horizon: Doubles, edge_m: float, step_m: float,
+    track_m: float, theta_deg: Callable[[Doubles, Doubles], Doubles],
+) -> Echoes:  # fmt: skip
     """Echoes of the walls and of the double bounces of a block of azimuth lines.
 
     A wall is lit above the ray that passes over all that is nearer to the radar. A double bounce needs a lit foot on
-    the ground; of the ground in front of it, the visible share counts.
+    the ground; of the ground in front of it, the visible share counts. Arrays have the shape (lines, facets).
 
     Parameters
     ----------
     boxes : radcal.radar.footprints.Boxes
         Boxes of the pass.
-    ground : Ground
-        Block of azimuth lines.
     polarisation : str
         Polarisation of the pass; a cross-polarised pass has no double bounce.
     permittivity : tuple of float, or None
         Permittivities of :func:`.reflected`.
+    first : int
+        First line of the block.
+    owner, roof_m : ndarray
+        Index of the box on each facet, -1 without a box, and elevation of roof or ground [m].
+    ground_m : ndarray
+        Elevation of the ground at the middle of each facet [m].
+    visible : ndarray
+        Visible share of each facet; 0.5 for a partly visible one.
+    horizon : ndarray
+        Largest tangent of the angle from nadir nearer to the radar than the facet.
+    edge_m, step_m : float
+        Ground range of the first facet's near edge, and width of a line and of a facet [m].
+    track_m : float
+        Elevation of the radar [m].
+    theta_deg : callable
+        Incidence on level ground [deg] at a ground range and a depth below the radar [m].
     """
-    box, line, place, length, cosine = _pieces(boxes, ground.first, ground.owner.shape)
+    box, line, place, length, cosine = _pieces(boxes, first, owner.shape)
     facet = place.astype(np.int64)
     # facets of the box itself that begin before the face, as their middles lie behind another face of the box
-    while (own := (facet > 0) & (ground.owner[line, np.maximum(facet - 1, 0)] == box)).any():
+    while (own := (facet > 0) & (owner[line, np.maximum(facet - 1, 0)] == box)).any():
         facet = facet - own
-    inside = ground.owner[line, facet] == box
+    inside = owner[line, facet] == box
     in_front = np.maximum(facet - inside, 0)
-    other = ground.owner[line, in_front]
+    other = owner[line, in_front]
     of_other = (other >= 0) & (other != box)
-    middle = np.clip(place - 0.5, 0.0, ground.ground_m.shape[1] - 1.0)  # the ground is straight between middles
-    left = np.minimum(middle.astype(np.int64), ground.ground_m.shape[1] - 2)
-    low, high = ground.ground_m[line, left], ground.ground_m[line, left + 1]
+    middle = np.clip(place - 0.5, 0.0, ground_m.shape[1] - 1.0)  # the ground is straight between middles
+    left = np.minimum(middle.astype(np.int64), ground_m.shape[1] - 2)
+    low, high = ground_m[line, left], ground_m[line, left + 1]
     foot, top = low + (middle - left) * (high - low), boxes.top_m[box]
-    away, foot_down, top_down = ground.near_m + place * ground.step_m, ground.track_m - foot, ground.track_m - top
-    horizon = np.maximum(ground.horizon[line, facet], 1e-9)
-    lit_down = np.minimum(foot_down, away / horizon)
-    seen = (lit_down > top_down) & ~(of_other & (ground.roof_m[line, in_front] >= top))
-    length_m, height_m = length * ground.step_m, np.maximum(top - foot, 0.0)
+    away, foot_down, top_down = edge_m + place * step_m, track_m - foot, track_m - top
+    tangent = np.maximum(horizon[line, facet], 1e-9)
+    lit_down = np.minimum(foot_down, away / tangent)
+    seen = (lit_down > top_down) & ~(of_other & (roof_m[line, in_front] >= top))
+    length_m, height_m = length * step_m, np.maximum(top - foot, 0.0)
     near_m, foot_m = np.hypot(away, top_down), np.hypot(away, foot_down)
 
     wall = seen & (boxes.wall_sigma0[box] > 0.0)
     wall_m2 = boxes.wall_sigma0[box] * (lit_down - top_down) * length_m
     walls = (near_m, np.hypot(away, lit_down), wall_m2, np.full(box.size, np.nan), near_m)
 
-    theta = ground.theta_deg(away, foot_down)
+    theta = theta_deg(away, foot_down)
     phi = np.degrees(np.arccos(np.minimum(cosine, 1.0)))
     width_m = height_m * np.tan(np.radians(theta))  # of the ground in front, along the line
-    lit = _lit_share(ground, line, np.where(inside, facet, place), width_m / ground.step_m)
+    lit = _lit_share(visible * (owner < 0), line, np.where(inside, facet, place), width_m / step_m)
     bounce = seen & boxes.bounce[box] & (lit_down >= foot_down - _ROUNDING_M) & ~of_other & (lit > 0.0)
     bounce &= polarisation in ("HH", "VV")
     gain = lit * reflected(theta, phi, polarisation, permittivity)
     bounce_m2 = bounce_area_m2(theta, phi, height_m, length_m) * gain
     bounces = (foot_m, foot_m, bounce_m2, alpha_deg(theta, phi), np.hypot(away - width_m, foot_down))
 
-    where = (line + ground.first, in_front, boxes.number[box], away)
+    where = (line + first, in_front, boxes.number[box], away)
     found = zip((*where, *walls), (*where, *bounces), strict=True)
     return Echoes(*(np.concatenate([of_wall[wall], of_bounce[bounce]]) for of_wall, of_bounce in found))
 
 
-def _lit_share(ground: Ground, line: Whole, place: Doubles, width: Doubles) -> Doubles:
-    """Visible share of the ground, over ``width`` facets in front of ``place``; ground beyond the scene is visible."""
-    bare = ground.seen * (ground.owner < 0)
+def _lit_share(bare: Doubles, line: Whole, place: Doubles, width: Doubles) -> Doubles:
+    """Mean of a visible share over ``width`` facets in front of ``place``; ground beyond the scene is visible."""
     total = np.pad(np.cumsum(bare, axis=1), ((0, 0), (1, 0)))
 
     def until(end: Doubles) -> Doubles:
