@@ -77,7 +77,8 @@ class CaseCheck:
         """Lines, without the warnings, on input files, image size, and expected simulator runs, memory and time."""
         if self.case is None:
             return []
-        files, folders = input_files(self.case), [f"scene.{name}" for name in self.case.scene.folders]
+        files, scene = input_files(self.case), self.case.scene
+        folders = [f"scene.{name}" for name, kind in scene.files.items() if kind == "database"]
         lines = [f"  {key}: {path}" for key, path in files.items() if not key.startswith(tuple(folders))]
         lines += [f"  {key}: {sum(one.startswith(key) for one in files)} files in all" for key in folders]
         if self.shape is not None:

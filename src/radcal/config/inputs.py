@@ -128,24 +128,17 @@ def missing_inputs(case: Case, files: dict[str, Path]) -> list[tuple[str, Config
 def _sources(case: Case) -> Iterator[tuple[str, Callable[[str], dict[str, Path]]]]:
     """Configuration keys, each with the function that finds its input files."""
     scene = case.scene
-
-    def raster(path: Path) -> list[Path]:
-        return [path, *raster_files(path, vrt_folders(scene))]
-
-    def table(path: Path) -> list[Path]:
-        return [path, *vector_files(path)]
-
-    of_scene: list[tuple[str, str | None, str, Callable[[Path], list[Path]], bool]] = [
-        *((name, getattr(scene, name), "a raster", raster, False) for name in scene.rasters),
-        *((name, getattr(scene, name), "a file", table, False) for name in scene.tables),
-        *((name, getattr(scene, name), "a database", scene.files_in, True) for name in scene.folders),
-    ]
+    of_kind: dict[str, Callable[[Path], list[Path]]] = {
+        "raster": lambda path: [path, *raster_files(path, vrt_folders(scene))],
+        "file": lambda path: [path, *vector_files(path)],
+        "database": scene.files_in,
+    }
+    named = [(name, getattr(scene, name), kind) for name, kind in scene.files.items()]
     if scene.on_ground:
-        of_scene.append(("objects.path", scene.on_ground.path, "vectors", table, False))
-        of_scene.append(("objects.cross_sections", scene.on_ground.cross_sections, "a file", table, False))
-    for name, text, called, files, folder in of_scene:
+        named += [(f"objects.{key}", getattr(scene.on_ground, key), "file") for key in ("path", "cross_sections")]
+    for name, text, kind in named:
         if text is not None:
-            yield f"scene.{name}", partial(_found, text, called, files, folder)
+            yield f"scene.{name}", partial(_found, text, f"a {kind}", of_kind[kind], kind == "database")
     for number, one in enumerate(case.passes, start=1):
         if isinstance(image := one.measurement, FileMeasurement):
             key = f"measurement.{number}.path" if len(case.radars) > 1 else "measurement.path"

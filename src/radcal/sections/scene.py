@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -108,17 +109,15 @@ class SceneSection(Section):
     ----------
     source : str
         Name of the source.
-    rasters, tables, folders : tuple of str
-        Keys that name rasters, other files, and folders.
+    files : mapping
+        Keys that name files, each with its kind: ``raster``, ``file`` or ``database`` (a folder).
     on_map : bool
         Whether the grid of the scene has a place on the map, so that it can be turned to the track.
     has_heights : bool
         Whether the scene has an elevation.
     """
 
-    rasters: ClassVar[tuple[str, ...]] = ()
-    tables: ClassVar[tuple[str, ...]] = ()
-    folders: ClassVar[tuple[str, ...]] = ()
+    files: ClassVar[Mapping[str, str]] = {}
     on_map: ClassVar[bool] = False
     has_heights: ClassVar[bool] = True
     source: str
@@ -130,7 +129,7 @@ class SceneSection(Section):
         return found
 
     def files_in(self, folder: Path) -> list[Path]:
-        """Files of the scene in the folder that a key of ``folders`` names."""
+        """Files of the scene in the folder of a database."""
         return [folder]
 
 
@@ -150,8 +149,7 @@ class BuiltinScene(SceneSection):
 class SlantRangeScene(SceneSection):
     """Raster of material ids over flat ground: rows are slant range, columns azimuth."""
 
-    rasters = ("labels",)
-    tables = ("names",)
+    files: ClassVar[Mapping[str, str]] = {"labels": "raster", "names": "file"}
     has_heights = False
     source: Literal["slant_range"] = Field("slant_range", description=_SOURCE)
     labels: str = Field(description="GeoTIFF of material ids; 0 means no material")
@@ -204,8 +202,7 @@ class GridScene(SceneSection):
 class RasterScene(GridScene):
     """Georeferenced rasters of elevation and materials."""
 
-    rasters = ("elevation", "materials")
-    tables = ("names",)
+    files: ClassVar[Mapping[str, str]] = {"elevation": "raster", "materials": "raster", "names": "file"}
     source: Literal["raster"] = Field("raster", description=_SOURCE)
     materials: str = Field(description="raster of material ids in any CRS; 0 means no material")
     names: str | None = Field(
@@ -234,8 +231,12 @@ class RasterScene(GridScene):
 class VectorScene(GridScene):
     """Raster of elevation, and vector features that a mapping turns into materials and objects."""
 
-    rasters = ("elevation",)
-    tables = ("materials", "names", "cross_sections")
+    files: ClassVar[Mapping[str, str]] = {
+        "elevation": "raster",
+        "materials": "file",
+        "names": "file",
+        "cross_sections": "file",
+    }
     source: Literal["vectors"] = Field("vectors", description=_SOURCE)
     materials: str = Field(description="GeoPackage, shapefile or GeoJSON in any CRS")
     names: str = Field(
@@ -253,8 +254,7 @@ class VectorScene(GridScene):
 class CdbScene(SceneSection):
     """OGC CDB 1.x database."""
 
-    tables = ("materials", "cross_sections")
-    folders = ("root",)
+    files: ClassVar[Mapping[str, str]] = {"materials": "file", "cross_sections": "file", "root": "database"}
     on_map = True
     source: Literal["cdb"] = Field("cdb", description=_SOURCE)
     root: str = Field(description="folder of the database, which contains the folder Tiles")
