@@ -17,6 +17,8 @@ from radcal.findings import Finding, of_pass
 from radcal.forecast.memory_and_time import memory_mb, values_of
 from radcal.forecast.runs_and_time import largest_runs, runs_sentence, standing
 from radcal.ground.one_incidence import Bounces, bounces_on, bounces_outside
+from radcal.image.acquisition import radar_section
+from radcal.image.base import opened
 from radcal.image.model import Measurement
 from radcal.posterior.cells import CellMeans
 from radcal.programs.command_plan import check_command, check_image_shape
@@ -197,10 +199,12 @@ def _check_stages(found: CaseCheck, case: Case, say: Say) -> None:
     for number, one in enumerate(case.passes, start=1):
         own = list[Finding]()
         try:
-            # before the geometry, because that cannot be made if section radar is wrong
-            about, sections = _of_file(one, scene)
-            own += about
-            found.sections += sections
+            if isinstance(one.measurement, FileMeasurement):
+                # before the geometry, because that cannot be made if section radar is wrong
+                facts = opened(one.measurement, one.radar).facts(scene)
+                own += facts.findings
+                if facts.acquisition is not None:
+                    found.sections.append(radar_section(facts.acquisition))
             if whole:
                 cells.append(_check_pass(found, one, scene, number, own, refused, bounces, say))
         except RadcalError as error:
@@ -275,22 +279,3 @@ def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measu
             return None
         simulator = make_simulator(stage, geometry, "")
     return make_measurement(stage, geometry, simulator, scene, partly=number > 1)
-
-
-def _of_file(one: Case, scene: Scene) -> tuple[list[Finding], list[str]]:
-    """Findings on the acquisition in the file of a measured image, and section ``radar`` from it; empty without one.
-
-    Parameters
-    ----------
-    one : Case
-        One pass of the case.
-    scene : Scene
-        Scene of the case.
-    """
-    from radcal.image.acquisition import radar_section
-    from radcal.image.base import opened
-
-    if not isinstance(one.measurement, FileMeasurement):
-        return [], []
-    facts = opened(one.measurement, one.radar).facts(scene)
-    return list(facts.findings), [radar_section(facts.acquisition)] if facts.acquisition is not None else []
