@@ -30,7 +30,8 @@ def start(build_case):
         fixed = {"grass": {"parameters": GRASS}, "crops": {"parameters": CROPS}}
         dyke = {"calibrate": True, "bounds": bounds, "start": [x + 0.3 * (y - x) for x, y in bounds]}
         radar = {"altitude_m": 2000.0, "nesz_db": -32.0, "radiometry": "sigma0_local", "looks": 6}
-        sections = {"registration": {"method": "none"}, "radar": radar}
+        brief = {"walkers": 32, "steps": 100}
+        sections = {"registration": {"method": "none"}, "radar": radar, "uncertainty": brief}
         return build_case(materials={"dyke": dyke, **fixed}, **sections | more)
 
     return made

@@ -63,29 +63,6 @@ def test_predicts_unseen_points_and_knows_what_it_knows(trained):
     assert (at.max(axis=0) < 0.05 * away[0]).all()
 
 
-def test_leave_one_out_is_that_of_models_without_each_run():
-    x, values = points(9), truth(points(9))
-    training = train_surrogate(objective(), x, values, POSTERIOR)
-    unit, mean = (x - BOUNDS[:, 0]) / 2.0, values[..., 0]
-    errors = []
-    for i in range(9):
-        keep = np.arange(9) != i
-        model = Kriging(unit[keep], mean[keep], training.scales[0], training.nugget[0])
-        errors.append(model.mean(unit[[i]])[0] - mean[i])
-    wanted = 1.0 - np.mean(np.square(errors)) / np.mean((mean - mean.mean(axis=0)) ** 2)
-    assert 1.0 - training.q2[0] == pytest.approx(1.0 - wanted, rel=1e-3)
-
-
-@pytest.mark.parametrize("runs", [1, 2, 6])
-def test_a_constant_discrepancy_is_known_from_one_run(runs):
-    """Law and speckle but for another level, spread and skewness in each bin."""
-    shift = np.array([[0.7, -0.1, 0.2], [-1.2, 0.3, 0.0]])
-    found = surrogate(runs, lambda x: truth(x) - shift)
-    assert found.training.baseline.all()
-    x = points(30, seed=2)
-    np.testing.assert_allclose(found.predict(found.unit(x)), truth(x), atol=1e-9)
-
-
 def test_one_run_is_wrong_elsewhere_by_its_own_difference_from_the_baseline():
     """A process of this mean square and a length scale of one width: 1 - exp(-d^2) of it is unknown at a distance d."""
     shift = np.array([[0.7, -0.1, 0.2], [-1.2, 0.3, 0.0]])
@@ -116,18 +93,6 @@ def unrelated(x):
     """Of another law: steep where the simulator is flat."""
     a, b = x
     return np.full((2, 1), 1.0) * [20.0 * np.sin(9.0 * b + 3.0 * a), np.cos(11.0 * a), np.sin(8.0 * b * a)]
-
-
-def test_leave_one_out_drops_a_baseline_that_does_not_help():
-    """From four runs on; fewer cannot tell."""
-    assert surrogate(3, unrelated).training.baseline.all()
-    for runs in (4, 8):
-        found = surrogate(runs, unrelated)
-        assert not found.training.baseline.any()
-        alone = surrogate(runs)
-        np.testing.assert_array_equal(found.predict([[0.3, 0.6]]), alone.predict([[0.3, 0.6]]))
-    assert "without baseline: mean, log sd, skewness" in found.training.sentence()
-    assert "leave-one-out Q2 of 8 runs: mean " in found.training.sentence()
 
 
 def exaggerated(x):
