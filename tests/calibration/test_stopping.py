@@ -189,12 +189,41 @@ def test_a_law_settles_when_all_runs_promise_no_better_or_hardly_another(objecti
     assert reason(of_law([5.0, 6.0], gain=0.02), objective) == "settled"
 
 
+def test_a_law_without_a_curve_settles_by_its_gain_alone():
+    """Its search explores, so that there is a floor; 0.05 is its limit."""
+    assert reason(of_law([5.0], gain=0.06, moved=None, floor=5.0), "classes") is None
+    assert reason(of_law([5.0], gain=0.05, moved=None, floor=5.0), "classes") == "settled"
+    found = judged(of_law([5.0], gain=0.04, moved=None, floor=5.0), "classes").materials["dyke"].finding
+    assert found == Finding("no_better_x", "note", "dyke", {"runs": 2})
+
+
+def test_a_law_does_not_settle_where_more_may_be_hidden():
+    """Two standard errors in favour, more than 0.05 below the best: the search goes on exploring."""
+    assert reason(of_law([5.0], gain=0.0, floor=4.9), "classes") is None
+    assert reason(of_law([5.0], gain=0.0, floor=4.96), "classes") == "settled"
+
+
+def test_the_finding_says_how_the_law_settled():
+    gained, moved = (
+        judged(of_law([5.0, 4.0], **last), "classes").materials["dyke"].finding
+        for last in ({"gain": 0.01}, {"moved": 0.04})
+    )
+    assert gained == Finding("no_better_law", "note", "dyke", {"runs": 2})
+    assert moved == Finding("law_settled", "note", "dyke", {"runs": 2, "moved_db": 0.04})
+
+
 @pytest.mark.parametrize(("predicted", "infill", "settles"), [(2.0, 1, True), (1.6, 1, False), (1.6, 3, True)])
 def test_a_surrogate_that_its_verification_refutes_settles_nothing_before_d_and_2_runs(predicted, infill, settles):
     """A verified cost of 5, more than three times the predicted one; d = 2, and one run is of the design."""
     first, *runs = of_law([5.0] * infill, gain=0.01).runs
     runs = [replace(one, proposals={"dyke": Proposal(X, "exploit", cost=predicted)}) for one in runs]
     assert (reason(History([first, *runs]), "classes") == "settled") == settles
+
+
+def test_before_any_outlook_a_law_goes_on():
+    """Costs are no rms: a small one ends nothing."""
+    assert reason(of_law([1e-9], gain=None), "classes") is None
+    assert reason(of_law([]), "classes") is None
 
 
 def outside(infill, sampling=0.3, **stop):
