@@ -111,13 +111,6 @@ class Target:
         return seen_at_one_incidence(self.incidence_deg, self.incidence_error_deg)
 
     @property
-    def seen(self) -> str:
-        """Text of the 5 and 95 % quantiles of the local incidence, and of its standard error if there is one."""
-        low, high = np.percentile(self.incidence_deg.astype(np.float64), [5.0, 95.0])
-        error = f", error {self.incidence_error_deg:.2g} deg" if self.incidence_error_deg > 0.0 else ""
-        return f"{low:.2f} to {high:.2f} deg{error}"
-
-    @property
     def cp(self) -> NDArray[np.float64]:
         """Centred parameters of the target density."""
         return skewnormal.centred(self.dp)
@@ -175,7 +168,7 @@ class Targets(dict[str, Target]):
         return {name: target.score(pixels_db[name], mapping) for name, target in self.items()}
 
     def sentences(self) -> list[str]:
-        """Lines for the terminal about levels, the target of each material, and materials without a law to be found."""
+        """Lines for the terminal about levels and the target of each material."""
         levels = self.levels
         lines = [f"levels: {sentence(levels.finding)}"] if levels.normalisation != "none" or levels.references else []
         for name, target in self.items():
@@ -183,13 +176,8 @@ class Targets(dict[str, Target]):
             size, unit = f"target of {name}: {len(target.pixels)} pixels", levels.unit
             classes = f", {target.classes.classes.size} incidence-angle bins" if target.classes is not None else ""
             moments = f"mean {mean:.2f} {unit}, standard deviation {sd:.2f} {unit}, skewness {skewness:.2f}"
-            lines.append(f"{size}, {moments}{classes}")
-        if level_only := [f"{name} ({target.seen})" for name, target in self.items() if target.level_only]:
-            lines.append(
-                "materials of which this pass determines the level only, because it sees them at one incidence (5 to "
-                f"95 % of the pixels within {LEAST_SPAN_DEG:g} deg, less the error of the incidence): "
-                f"{', '.join(level_only)}."
-            )
+            alone = "; seen at one incidence, from which no law can be determined" if target.level_only else ""
+            lines.append(f"{size}, {moments}{classes}{alone}")
         return lines
 
 
