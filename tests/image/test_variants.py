@@ -3,7 +3,7 @@
 import numpy as np
 from variants import agrees
 
-from radcal.image.acquisition import Acquisition, _apart, _turned_deg
+from radcal.image.acquisition import Acquisition, _apart, _turned_deg, look_azimuth_deg
 
 
 def acquisition(side):
@@ -15,8 +15,8 @@ def acquisition(side):
 
 def test_directions_and_spacings():
     right, left = acquisition("right"), acquisition("left")
-    agrees(right.look_azimuth_deg, 79.5, left=259.5, flight=349.5, unturned=439.5, below_satellite=76.0)
-    agrees(left.look_azimuth_deg, 259.5, right=79.5, flight=349.5)
+    agrees(look_azimuth_deg(right), 79.5, left=259.5, flight=349.5, unturned=439.5, below_satellite=76.0)
+    agrees(look_azimuth_deg(left), 259.5, right=79.5, flight=349.5)
     rad = np.radians(38.0)
     agrees(
         right.slant_spacing_m,

@@ -14,7 +14,7 @@ from safe_product import LINES, NAME, PIXELS, STEM, digital_numbers, divisor, no
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.acquisition import contradictions, differences, radar_section
+from radcal.image.acquisition import contradictions, differences, look_azimuth_deg, radar_section
 from radcal.image.base import Grid
 from radcal.radar.projection import make_geometry
 from radcal.reading.intake import parse_xml
@@ -254,7 +254,7 @@ def test_another_heading_contradicts_where_the_ground_is_steep(safe):
     relief = np.random.default_rng(5).normal(0.0, 4.0, level.material.shape).cumsum(axis=0).cumsum(axis=1) * 0.2
     hills = replace(level, elevation_m=level.elevation_m + relief)
     found = acquisition_at(safe)
-    apart = (found.look_azimuth_deg - 270.0 + 180.0) % 360.0 - 180.0
+    apart = (look_azimuth_deg(found) - 270.0 + 180.0) % 360.0 - 180.0
     with pytest.raises(MeasurementError, match=r"radar\.heading_deg is 0, a look to 270\.0 deg from north") as refused:
         taken(safe, hills)
     said = re.search(r"on slopes of (\d+\.\d) deg, as the scene has them, by up to (\d+\.\d) deg", str(refused.value))

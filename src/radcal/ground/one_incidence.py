@@ -11,9 +11,11 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.findings import Finding
 from radcal.radar.geometry import Geometry
 
-# Over one degree, the level of the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44
-# degrees), that of land by 0.1 to 0.5 dB. Fields of one material differ as much, so that the slope of the law cannot be
-# separated from differences between fields.
+# Range of incidence below which a material's level can be determined, but not its law. Over one degree, the level of
+# the steepest natural surface changes by about 1 dB (calm water, 27 dB between 20 and 44 degrees), that of land by 0.1
+# to 0.5 dB. Fields of one material differ as much, so that the slope of the law cannot be separated from differences
+# between fields (Ulaby and Dobson, "Handbook of Radar Scattering Statistics for Terrain", 1989: levels over incidence,
+# with their spread, by material).
 LEAST_SPAN_DEG = 1.0
 _MOST_NAMED = 8  # objects that a finding names by their number
 _NORMAL_SPAN = 3.2897  # standard deviations between the 5 % and 95 % quantiles of a normal distribution

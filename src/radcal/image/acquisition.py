@@ -102,11 +102,6 @@ class Acquisition:
             "azimuth_spacing_m": self.azimuth_spacing_m,
         }
 
-    @property
-    def look_azimuth_deg(self) -> float:
-        """Direction in which the radar looks, clockwise from true north [deg, 0 to 360]."""
-        return (self.heading_deg + (90.0 if self.look_side == "right" else -90.0)) % 360.0
-
     def finding(self) -> Finding:
         """Finding that describes the acquisition."""
         levels = [level for _, level in self.nesz_db]
@@ -132,7 +127,7 @@ def radar_keys(acquisition: Acquisition) -> dict[str, tuple[Any, str]]:
         "incidence_deg": (round(a.incidence_deg, 2), "at the middle of the scene, on the ellipsoid"),
         # 359.999 is rounded to 360, which is 0
         "heading_deg": (round(a.heading_deg, 2) % 360.0, "over the scene, from true north"),
-        "look_side": (a.look_side, f"to {a.look_azimuth_deg:.1f} deg from north"),
+        "look_side": (a.look_side, f"to {look_azimuth_deg(a):.1f} deg from north"),
         "band": (letter_band(a.frequency_hz) or "unknown", ""),
         "frequency_ghz": (float(f"{a.frequency_hz / 1e9:.6g}"), ""),
         "polarisation": (a.polarisation, ""),
@@ -199,17 +194,17 @@ def contradictions(
             f"radar.{key} is {getattr(radar, key):g}, an incidence of {middle:.2f} deg at the scene, where its own is "
             f"{a.incidence_deg:.2f} deg (incidence_deg: {a.incidence_deg:.2f}{instead})"
         )
-    apart = _apart(a.look_azimuth_deg, _look_azimuth_deg(radar))
+    apart = _apart(look_azimuth_deg(a), look_azimuth_deg(radar))
     if apart > 90.0:
         found.append(
-            f"radar.look_side is {radar.look_side}, a look to {_look_azimuth_deg(radar):.0f} deg from north, it looks "
-            f"to {a.look_azimuth_deg:.1f} deg, from the other side of every slope (look_side: {a.look_side}, "
+            f"radar.look_side is {radar.look_side}, a look to {look_azimuth_deg(radar):.0f} deg from north, it looks "
+            f"to {look_azimuth_deg(a):.1f} deg, from the other side of every slope (look_side: {a.look_side}, "
             f"heading_deg: {a.heading_deg:.2f})"
         )
     elif (change := _turned_deg(slope_deg, apart)) > _INCIDENCE_DEG:
         found.append(
-            f"radar.heading_deg is {radar.heading_deg:g}, a look to {_look_azimuth_deg(radar):.1f} deg from north, it "
-            f"looks to {a.look_azimuth_deg:.1f} deg, which changes the incidence on slopes of {slope_deg:.1f} deg, as "
+            f"radar.heading_deg is {radar.heading_deg:g}, a look to {look_azimuth_deg(radar):.1f} deg from north, it "
+            f"looks to {look_azimuth_deg(a):.1f} deg, which changes the incidence on slopes of {slope_deg:.1f} deg, as "
             f"the scene has them, by up to {change:.1f} deg (look_side: {a.look_side}, heading_deg: "
             f"{a.heading_deg:.2f})"
         )
@@ -219,9 +214,9 @@ def contradictions(
 def differences(acquisition: Acquisition, radar: Radar) -> list[Finding]:
     """Findings on keys of section ``radar`` that differ from a product, but too little to forbid a comparison."""
     a, found = acquisition, []
-    look = _look_azimuth_deg(radar)
-    if _HEADING_DEG < _apart(a.look_azimuth_deg, look) <= 90.0:
-        numbers = {"look_deg": a.look_azimuth_deg, "heading_deg": a.heading_deg, "configured_deg": look}
+    look = look_azimuth_deg(radar)
+    if _HEADING_DEG < _apart(look_azimuth_deg(a), look) <= 90.0:
+        numbers = {"look_deg": look_azimuth_deg(a), "heading_deg": a.heading_deg, "configured_deg": look}
         found.append(Finding("look_direction", "note", a.product, numbers))
     angles, levels = (np.array(part) for part in zip(*a.nesz_db, strict=True))
     # the noise floor of radiometry sigma0_ref is noise-equivalent sigma0 itself
@@ -237,9 +232,9 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[Finding]:
     return found
 
 
-def _look_azimuth_deg(radar: Radar) -> float:
-    """Look direction of the configured pass [deg]; a pass without a configured heading flies to the grid's north."""
-    return (radar.heading_deg + (90.0 if radar.look_side == "right" else 270.0)) % 360.0
+def look_azimuth_deg(flight: Acquisition | Radar) -> float:
+    """Look direction, clockwise from north [deg, 0 to 360]; a pass without a heading flies to the grid's north."""
+    return (flight.heading_deg + (90.0 if flight.look_side == "right" else 270.0)) % 360.0
 
 
 def _turned_deg(slope_deg: float, apart_deg: float) -> float:

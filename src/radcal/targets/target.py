@@ -14,7 +14,7 @@ from radcal.ground.correlation import Correlation
 from radcal.ground.goodness import Goodness
 from radcal.ground.ground import Ground
 from radcal.ground.levels import Levels
-from radcal.ground.one_incidence import LEAST_SPAN_DEG, seen_at_one_incidence
+from radcal.ground.one_incidence import seen_at_one_incidence
 from radcal.storage.records import read_item, write_item
 from radcal.targets.class_target import ClassTarget
 from radcal.words import sentence
