@@ -21,7 +21,6 @@ from radcal.figures.map_figures import shots
 from radcal.forecast.runs_and_time import duration
 from radcal.objectives.base import MET
 from radcal.page.plots import Interactive, embedded_library, interactive, packed, script
-from radcal.page.provenance import Provenance
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
 from radcal.results.summary import summarise
@@ -200,7 +199,9 @@ def _materials(
     return found
 
 
-def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], made: Provenance | None = None) -> None:
+def write_report(
+    page: str | Path, archive: Archive, figures: Sequence[Figure], made: Mapping[str, Any] | None = None
+) -> None:
     """Write ``report.html``, atomically.
 
     Parameters
@@ -212,8 +213,8 @@ def write_report(page: str | Path, archive: Archive, figures: Sequence[Figure], 
     figures : sequence of Figure
         Figures from :func:`radcal.figures.figures.write_figures`; they are embedded as WebP, so that the page is one
         file that opens offline.
-    made : Provenance, optional
-        Date, command, run time and input files.
+    made : mapping, optional
+        Date, command, run time and input files (:func:`.provenance_of`).
     """
     import yaml
     from jinja2 import Environment, PackageLoader, StrictUndefined

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 from radcal.config import input_files
 from radcal.errors import RadcalError
@@ -14,29 +13,7 @@ from radcal.results.summary import numbered_jobs, wall_seconds
 from radcal.storage.files import file_sha256
 
 
-@dataclass(frozen=True)
-class Provenance:
-    """When, by which command and from which files a report was made.
-
-    Attributes
-    ----------
-    date : str
-        Date and time in UTC, to the minute.
-    command : str
-        Command line; empty if it is unknown.
-    seconds : mapping
-        Wall time of each stage of the workflow until the report [s].
-    inputs : mapping
-        Name and SHA-256 of each input file by configuration key; empty if a file is no longer there.
-    """
-
-    date: str
-    command: str
-    seconds: Mapping[str, float]
-    inputs: Mapping[str, tuple[str, str]]
-
-
-def provenance_of(archive: Archive, folder: str | Path, command: str) -> Provenance:
+def provenance_of(archive: Archive, folder: str | Path, command: str) -> dict[str, Any]:
     """Provenance of a report that is made now.
 
     Parameters
@@ -47,14 +24,20 @@ def provenance_of(archive: Archive, folder: str | Path, command: str) -> Provena
         ``results/<case>``.
     command : str
         Command line that makes the report.
+
+    Returns
+    -------
+    dict
+        ``date`` in UTC to the minute, ``command``, ``seconds`` of each stage of the workflow until the report [s], and
+        ``inputs``, name and SHA-256 of each input file by configuration key; empty if a file is no longer there.
     """
     try:
         inputs = {key: (path.name, file_sha256(path)) for key, path in input_files(archive.configured).items()}
     except (RadcalError, OSError):
         inputs = {}
-    return Provenance(
-        date=datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
-        command=command,
-        seconds=wall_seconds(Path(folder) / "benchmarks", numbered_jobs(archive)),
-        inputs=inputs,
-    )
+    return {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "command": command,
+        "seconds": wall_seconds(Path(folder) / "benchmarks", numbered_jobs(archive)),
+        "inputs": inputs,
+    }

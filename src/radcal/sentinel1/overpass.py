@@ -23,7 +23,7 @@ from radcal.reading.intake import read_xml
 from radcal.scene.crs import geoid_m
 from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import Annotation, LookUpTable, NoiseTable, annotation_of, calibration_of, noise_of
-from radcal.sentinel1.safe import SafeRefused, chosen_image, safe_folder, safe_images
+from radcal.sentinel1.safe import chosen_image, safe_folder, safe_images
 
 Array = NDArray[np.float64]
 
@@ -218,7 +218,7 @@ def overpass_unchecked(path: Path, config: FileMeasurement, radar: Radar, scene:
     MeasurementError
         The product is damaged or does not show the scene.
     """
-    with contextlib.suppress(SafeRefused):
+    with contextlib.suppress(ValueError):
         whole = [image.polarisation for image in safe_images(path) if all(file.is_file() for file in image.files)]
         if whole and radar.polarisation not in whole:
             radar = radar.model_copy(update={"polarisation": whole[0]})

@@ -13,10 +13,6 @@ _POLARISATIONS = frozenset(("HH", "HV", "VH", "VV"))
 _PARTS = {"annotation": "", "calibration": "calibration-", "noise": "noise-"}  # prefixes of the names of files
 
 
-class SafeRefused(ValueError):
-    """Refusal of a SAFE folder; the text of the exception is the reason, which error messages quote after the path."""
-
-
 @dataclass(frozen=True)
 class SafeImage:
     """Files of one polarisation of a product.
@@ -62,7 +58,7 @@ def safe_images(path: Path) -> list[SafeImage]:
 
     Raises
     ------
-    SafeRefused
+    ValueError
         The manifest is missing or cannot be read, names a file outside of the folder, or lists no image.
 
     References
@@ -72,13 +68,13 @@ def safe_images(path: Path) -> list[SafeImage]:
     folder = safe_folder(path)
     manifest = folder / MANIFEST
     if manifest.resolve().parent != folder.resolve():
-        raise SafeRefused(f"{MANIFEST} is a link to {manifest.resolve()}, expected a file of the folder")
+        raise ValueError(f"{MANIFEST} is a link to {manifest.resolve()}, expected a file of the folder")
     try:
         root = read_xml(manifest)
     except FileNotFoundError:
-        raise SafeRefused(f"it has no {MANIFEST}, expected the whole folder of a Sentinel-1 product") from None
+        raise ValueError(f"it has no {MANIFEST}, expected the whole folder of a Sentinel-1 product") from None
     except (OSError, ValueError) as error:
-        raise SafeRefused(f"{MANIFEST}: {error}") from None
+        raise ValueError(f"{MANIFEST}: {error}") from None
     files: dict[str, Path] = {}
     pixels: list[Path] = []
     for item in root.iter("dataObject"):
@@ -91,7 +87,7 @@ def safe_images(path: Path) -> list[SafeImage]:
             pixels.append(file)
     found = [_image(file, files) for file in pixels]
     if not found:
-        raise SafeRefused(f"{MANIFEST} lists no measured image, expected a level-1 product")
+        raise ValueError(f"{MANIFEST} lists no measured image, expected a level-1 product")
     return found
 
 
@@ -100,24 +96,24 @@ def chosen_image(images: Sequence[SafeImage], polarisation: str) -> SafeImage:
 
     Raises
     ------
-    SafeRefused
+    ValueError
         The product has no image of the polarisation, or a file of this image is missing.
     """
     for image in images:
         if image.polarisation == polarisation:
             for file in image.files:
                 if not file.is_file():
-                    raise SafeRefused(f"{MANIFEST} lists {file.name}, which is missing")
+                    raise ValueError(f"{MANIFEST} lists {file.name}, which is missing")
             return image
     there = [image.polarisation for image in images if all(file.is_file() for file in image.files)]
-    raise SafeRefused(f"it has {' and '.join(there) or 'no whole image'}, radar.polarisation is {polarisation}")
+    raise ValueError(f"it has {' and '.join(there) or 'no whole image'}, radar.polarisation is {polarisation}")
 
 
 def _inside(folder: Path, href: str) -> Path:
     """Path of a file that the manifest names; a file outside of the folder is refused."""
     path = folder / href
     if ":" in href or not path.resolve().is_relative_to(folder.resolve()):
-        raise SafeRefused(f"{MANIFEST} names {href!r}, expected a file of the folder")
+        raise ValueError(f"{MANIFEST} names {href!r}, expected a file of the folder")
     return path
 
 
@@ -125,11 +121,11 @@ def _image(pixels: Path, files: Mapping[str, Path]) -> SafeImage:
     """Files of an image, whose names all derive from the name of the file of pixels."""
     polarisation = next((part.upper() for part in pixels.stem.split("-") if part.upper() in _POLARISATIONS), None)
     if polarisation is None:
-        raise SafeRefused(f"the name of {pixels.name} has no polarisation, expected s1a-iw-grd-vv-...")
+        raise ValueError(f"the name of {pixels.name} has no polarisation, expected s1a-iw-grd-vv-...")
     others = {}
     for part, prefix in _PARTS.items():
         name = f"{prefix}{pixels.stem}.xml"
         if name not in files:
-            raise SafeRefused(f"{MANIFEST} lists no {part} of {pixels.name} ({name})")
+            raise ValueError(f"{MANIFEST} lists no {part} of {pixels.name} ({name})")
         others[part] = files[name]
     return SafeImage(polarisation, pixels=pixels, **others)
