@@ -208,6 +208,11 @@ def test_measurement_of_the_same_pass():
     )
 
 
+def test_the_default_truth_does_not_bind_other_materials():
+    case = case_from({"materials": {"grass": {"calibrate": True}}})
+    assert case.calibrated == ["grass"]
+
+
 def test_a_low_track_is_no_orbit():
     assert case_from({"radar": {"depression_deg": 40, "altitude_m": 693}}).radar.altitude_m == 693
     assert case_from({"radar": {"incidence_deg": 50, "altitude_m": 2100}}).radar.altitude_m == 2100

@@ -116,6 +116,15 @@ def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path):
     )
 
 
+def test_images_of_further_passes_are_inputs_by_their_number(tmp_path):
+    images = [tmp_path / "a.npy", tmp_path / "b.npy"]
+    for path in images:
+        path.touch()
+    each = [measured(path=str(path))["measurement"] for path in images]
+    case = case_from({"radar": [{"depression_deg": 45}, {"depression_deg": 50}], "measurement": each})
+    assert input_files(case) == {"measurement.1.path": images[0], "measurement.2.path": images[1]}
+
+
 def test_a_program_is_looked_for_on_the_path_that_it_gets(tmp_path):
     program = tmp_path / "sh"
     program.write_text("#!/bin/sh\n")

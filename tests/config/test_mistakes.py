@@ -78,3 +78,12 @@ def test_the_kind_of_a_simulator_is_not_its_key_command(loaded):
     ):
         (problem,) = loaded({"simulator": {**COMMAND, key: value}}).problems
         assert problem.partition(": simulator")[2].startswith(wrong)
+
+
+def test_one_mistake_of_two_materials_is_told_of_both(loaded):
+    wrong = {"calibrate": True, "bounds": [[0, -40], [0, 1], [3, 2], [0, 1]]}
+    assert [text.split(": ")[1:] for text in loaded({"materials": {"a": wrong, "b": wrong}}).problems] == [
+        [f"materials.{name}", f"bounds of {x}, expected lower < upper."]
+        for name in "ab"
+        for x in ("X1 are [0, -40]", "X3 are [3, 2]")
+    ]

@@ -47,6 +47,11 @@ def test_aliases_that_grow_without_end_are_refused(tmp_path, of, levels, shown):
     assert re.fullmatch(rf": its aliases stand for {shown} values, expected at most 200,000\.", text)
 
 
+def test_aliases_of_some_thousand_values_are_read(tmp_path):
+    found = read_case_file(write(tmp_path, bomb("[7]", 4)))
+    assert found["k4"][8][8][8][8] == [7]
+
+
 @pytest.mark.parametrize(
     ("content", "said"),
     [

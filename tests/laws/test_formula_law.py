@@ -8,6 +8,7 @@ import pytest
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, law_for
 from radcal.laws.formula import FUNCTIONS, Formula, formula_law, refuse_infinite
+from radcal.posterior.curves import GRID_DEG, curves_of
 
 MANGIA = ("X1 + X2*cos(phi) + X3*exp(-X4*phi**2)", ("X1", "X2", "X3", "X4"))
 ULABY = ("P1 + P2*exp(-P3*phi) + P4*cos(P5*phi + P6)", ("P1", "P2", "P3", "P4", "P5", "P6"))
@@ -40,6 +41,16 @@ def test_each_function_is_the_one_of_its_name():
         found = Formula(f"{name}(a - 1{', 0.2' if two else ''})", ("a",))(0.5, [1.0 + x])
         expected = (own.get(name) or getattr(math, name))(*([x, 0.2] if two else [x]))
         assert float(found) == pytest.approx(expected, rel=1e-13), name
+
+
+def test_all_x_are_evaluated_at_once():
+    law = formula_law(*MANGIA)
+    x = np.random.default_rng(2).uniform(0.0, 9.0, (7, 4))
+    together = law(np.radians(GRID_DEG)[:, None], x.T)
+    np.testing.assert_array_equal(together.T, curves_of(LAWS["mangia"], x))
+    # without the angle, too
+    assert formula_law("a", ["a"])(np.radians([10.0, 20.0]), [-12.0]).tolist() == [-12.0, -12.0]
+    assert formula_law("a", ["a"])(np.radians(GRID_DEG)[:, None], x[:, :1].T).shape == (361, 7)
 
 
 @pytest.mark.parametrize(
@@ -115,6 +126,11 @@ def test_bounds_are_tried_at_their_middle_corners_and_between():
     between = formula_law("a + sqrt((b - 1)*(b - 2))", ["a", "b"])  # finite at corners and middle
     with pytest.raises(ValueError, match="is nan at an incidence"):
         refuse_infinite(between, box=[(-30, 0), (0, 5)])
+
+
+def test_angles_of_single_precision_do_not_exceed_90_degrees():
+    law = formula_law("a + 10*log10(cos(phi))", ["a"])
+    assert np.isfinite(law(np.float32(np.pi / 2), [0.0]))
 
 
 def test_blanks_and_brackets_change_nothing():

@@ -10,6 +10,7 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, Law, law_for
 from radcal.laws.curves import constant_gamma, mangia
+from radcal.laws.soil import oh1992
 
 X = (6.1, 14.2, 21.5, 3.3)
 FREQUENCY_GHZ = 9.5
@@ -146,6 +147,13 @@ def test_a_law_without_a_condition_is_a_sentence(missing):
 def test_an_unknown_law_is_a_sentence():
     with pytest.raises(ValueError, match="law is 'oh1993', expected one of constant_gamma, mangia, nrl_sea, oh1992"):
         law_for("oh1993")
+
+
+@pytest.mark.parametrize("radar", [{"frequency_ghz": 1.5, "band": "L"}, {"frequency_ghz": 9.5, "polarisation": "HH"}])
+def test_laws_of_a_case_have_the_conditions_of_its_pass(radar):
+    case = case_from({"radar": radar, "materials": {**BUILTIN, "water": {"law": "oh1992", "parameters": [8, 1.5, 1]}}})
+    found = case.laws["water"](0.7, [8.0, 1.5, 1.0])
+    assert found == oh1992(0.7, [8, 1.5, 1], frequency_ghz=radar["frequency_ghz"], polarisation=case.radar.polarisation)
 
 
 def small_perturbation(phi_rad, parameters, *, permittivity, frequency_ghz):

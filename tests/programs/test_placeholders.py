@@ -21,6 +21,13 @@ def test_numbers_are_written_in_full(x, seed):
     assert line == f"a {x!r} ${seed}\n"
 
 
+@given(st.binary(max_size=200))
+def test_all_bytes_around_markers_stay_as_they_are(content):
+    around = content.replace(b"@", b"").decode("latin-1")
+    marked = template(f"{around}@a.b@{around}", "@", "key")
+    assert marked.filled({"a.b": 1.5}).encode("latin-1") == (f"{around}1.5{around}").encode("latin-1")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

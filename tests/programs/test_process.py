@@ -33,6 +33,13 @@ def test_a_program_that_prints_without_end_is_killed(tmp_path, monkeypatch, name
     assert (tmp_path / f"radcal.{name}").stat().st_size == 50_000
 
 
+def test_a_program_may_print_up_to_the_limit(tmp_path, monkeypatch):
+    monkeypatch.setattr(process, "_MOST_BYTES", 56_000)
+    ended = run_program([sys.executable, "-c", "print(7000 * 'mangia! ', end='')"], tmp_path, {}, 30.0)
+    assert ended.code == 0
+    assert (tmp_path / STDOUT).stat().st_size == 56_000
+
+
 def test_a_long_line_is_quoted_from_its_end(tmp_path):
     text = "".join(f"{k:04d}" for k in range(2000))
     (tmp_path / STDOUT).write_text(text)

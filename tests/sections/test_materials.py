@@ -42,6 +42,14 @@ def test_numbers_that_no_material_has_are_refused(data, words):
     assert all(word in text for word in words), text
 
 
+@pytest.mark.parametrize("start", [X, {"law": "mangia", "parameters": X}])
+def test_a_start_of_the_same_law_is_a_start(start):
+    case = case_from(dyke(start=start))
+    assert case.start_with_another_law == []
+    assert case.materials["dyke"].start_parameters == X
+    assert case.at_start == case
+
+
 def test_parameters_of_an_external_law():
     case = case_from({"simulator": COMMAND, "materials": {"soil": SOIL, "lake": {"law": "external"}},
                       "measurement": NO_TRUTH})  # fmt: skip

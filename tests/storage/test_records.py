@@ -187,6 +187,15 @@ def test_what_is_made_again_without_a_difference_stays_byte_for_byte(tmp_path):
         assert json.loads(file["config"].asstr()[()]) == {"seed": 2}
 
 
+def test_a_damaged_file_is_no_reason_to_keep_it(tmp_path):
+    path = write(tmp_path / "a.h5")
+    content = bytearray(path.read_bytes())
+    content[-1] ^= 1
+    path.write_bytes(content)
+    write(path)
+    inspect(path, "scene")
+
+
 def test_a_sealed_file_that_leads_elsewhere_is_set_aside(tmp_path):
     for name, make in {
         "link": lambda file: file.__setitem__("y", h5py.ExternalLink("other.h5", "/x")),
@@ -243,6 +252,13 @@ def test_json_round_trip(tmp_path):
     write_json(tmp_path / "c.json", {"case": "x", "runs": 3}, flat=True)
     assert read_json(tmp_path / "c.json") == {"case": "x", "runs": 3}
     assert json.loads((tmp_path / "c.json").read_text())["runs"] == 3
+
+
+def test_json_made_again_is_the_same_file(tmp_path):
+    for name in ("a.json", "b.json"):
+        with provenance("dyke", {"seed": len(name)}):
+            write_json(tmp_path / name, [{"key": "k"}])
+    assert (tmp_path / "a.json").read_bytes() == (tmp_path / "b.json").read_bytes()
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf")])
