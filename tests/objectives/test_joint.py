@@ -180,7 +180,6 @@ def test_the_front_of_two_passes_is_kept(found, tmp_path):
     one = kept["field"]
     assert one.objectives == ("pass 1", "pass 2")
     np.testing.assert_array_equal(one.predicted, sums)
-    np.testing.assert_array_equal(one.parameters, x)
     whole = run.scores["field"]
     alone = [
         part.parts_of(joint.in_pass(number, whole)).sum() for number, part in enumerate(joint.passes)
