@@ -245,8 +245,10 @@ class ImageFormation:
         across = border_gain(self._across, self._strip.columns)[self._strip.left : self._strip.right]
         self._gain_down, self._gain_across = border_gain(self._down, shape[0]), across
         self._points = PointScatterers.none() if points is None else points
-        self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
-        self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
+        self._fine_down = self._fine_across = np.empty(0, dtype=np.float32)
+        if self._points.row.size:  # fine taps take longer than a small image
+            self._fine_down = fine_taps(radar.range_resolution_m, radar.range_spacing_m)
+            self._fine_across = fine_taps(radar.azimuth_resolution_m, radar.azimuth_spacing_m)
         self._noise = np.broadcast_to(10.0 ** (np.asarray(noise_db) / 20.0), shape[0]).astype(np.float32)
         self._tiles = _tiles(shape, _TILE)
 
