@@ -23,7 +23,7 @@ def registered(unregistered_db, displacement_px=(0.0, 0.0), uncertainty_px=0.3, 
     field = np.broadcast_to(np.array(displacement_px, dtype=np.float32)[:, None, None], (2, *shape)).copy()
     made = Registered(
         Measurement(unregistered_db, "made up"), unregistered_db, field,
-        np.full(shape, uncertainty_px, dtype=np.float32), np.zeros(shape, dtype=np.float32), "gefolki", True, "moved",
+        np.full(shape, uncertainty_px, dtype=np.float32), 0.0, "gefolki", True, "moved",
     )  # fmt: skip
     return replace(made, **changes)
 

@@ -315,7 +315,7 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path):
     image[3, 5] = np.nan
     moved, zero = np.roll(image, 1, axis=0), np.zeros((2, 30, 40), np.float32)
     verdict = "registered with gefolki."
-    own = Registered(Measurement(moved, "a.tif"), image, zero + 1, zero[0] + 0.5, zero[0], "gefolki", True, verdict)
+    own = Registered(Measurement(moved, "a.tif"), image, zero + 1, zero[0] + 0.5, 0.0, "gefolki", True, verdict)
     path = tmp_path / "registered.h5"
     write_registered(path, own)
     found, by = registered_as(path, image, Measurement(image, "a.tif"), RegistrationConfig())

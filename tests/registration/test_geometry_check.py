@@ -56,7 +56,7 @@ def by_line(geometry, slope, noise_px=0.0, applied=True):
         unregistered_db=nothing,
         displacement_px=moved if applied else moved * 0,
         uncertainty_px=nothing,
-        correlation=nothing,
+        correlation=0.0,
         method="gefolki",
         applied=applied,
         verdict="",

@@ -37,7 +37,7 @@ def geometry(hills):
 def moved(displacement_px):
     nothing = np.zeros(displacement_px.shape[1:], np.float32)
     image = Measurement(nothing, "a.tif", findings=(PLAIN,))
-    return Registered(image, nothing, displacement_px.astype(np.float32), nothing, nothing, "gefolki", True, "")
+    return Registered(image, nothing, displacement_px.astype(np.float32), nothing, 0.0, "gefolki", True, "")
 
 
 def by_height(scene, geometry, m_per_m, seed=3):

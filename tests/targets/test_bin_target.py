@@ -44,7 +44,7 @@ def registered_with(shape, uncertainty_px):
         unregistered_db=np.empty(0),
         displacement_px=np.zeros((2, *shape), dtype=np.float32),
         uncertainty_px=np.full(shape, uncertainty_px, dtype=np.float32),
-        correlation=np.ones(shape, dtype=np.float32),
+        correlation=1.0,
         method="gefolki",
         applied=True,
         verdict="",

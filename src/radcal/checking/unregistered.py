@@ -65,7 +65,7 @@ def cells_of(case: Case, geometry: Geometry, measured: Measurement, scene: Scene
         return {}
     stage = STAGES["posterior"].of(case.at_start).model_copy(update={"simulator": BuiltinSimulation()})
     still, image = np.zeros((2, *geometry.shape), dtype=np.float32), measured.image_db
-    registered = Registered(measured, image, still, _moved_px(case, geometry), still[0], "none", False, "")
+    registered = Registered(measured, image, still, _moved_px(case, geometry), 0.0, "none", False, "")
     simulated = Simulated(start_image(case, geometry), case.start_parameters)
     return observe(stage, geometry, registered, [simulated], Levels(), scene)
 

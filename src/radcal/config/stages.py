@@ -171,7 +171,7 @@ STAGES: Mapping[str, Stage] = {
         "registration run", _RUNS, _RUN, {"index": "passes/{p}/registration_run.json"}, only_if=_twice),
     "registration": Stage(
         "registration", (*_PASS, "registration"), _REGISTRATION,
-        {"registered": "passes/{p}/registered.h5"}, {"registered": 3}),
+        {"registered": "passes/{p}/registered.h5"}, {"registered": 4}),
     "target": Stage("target densities", _TARGET, _IMAGE, {"target": "passes/{p}/target.h5"}, {"target": 6}),
     "design_chunk": Stage("design, chunk {chunk}", (*_RUNS, "design"), _RUN, {"index": "design/{chunk}.json"}),
     "scores": Stage("scores of the design", (*_LAWS, "objective"), _LIGHT, {"scores": "scores.json"}),

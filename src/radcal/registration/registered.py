@@ -16,7 +16,7 @@ from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration.base import Method
 from radcal.registration.displacement import squares, warp
-from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
+from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid
 from radcal.registration.spline_field import Prior
 from radcal.sections.measurement import REGISTRATIONS
 from radcal.storage.records import read_item, write_item
@@ -48,8 +48,8 @@ class Registered:
         Displacement of each pixel to its place in the measured image, along rows and columns [pixels].
     uncertainty_px : ndarray of float32, shape (rows, columns)
         Standard error of the displacement's length [pixels]; 0 without registration.
-    correlation : ndarray of float32, shape (rows, columns)
-        Local correlation of the ranks of both images, after registration.
+    correlation : float
+        Mean local correlation of the ranks of both images, after registration; 0 if the method is none.
     method : str
         Method, or none.
     applied : bool
@@ -66,7 +66,7 @@ class Registered:
     unregistered_db: NDArray[np.float32]
     displacement_px: NDArray[np.float32]
     uncertainty_px: NDArray[np.float32]
-    correlation: NDArray[np.float32]
+    correlation: float
     method: str
     applied: bool
     verdict: str
@@ -89,7 +89,6 @@ def without_images(registered: Registered) -> Registered:
         unregistered_db=nothing,
         displacement_px=nothing,
         uncertainty_px=nothing,
-        correlation=nothing,
         refused_px=None,
     )
 
@@ -160,8 +159,7 @@ def register(
     moving_db, source = measurement.image_db, measurement.source
     nothing = np.zeros((2, *fixed_db.shape))
     if config.method == "none":
-        ranks = rank_transform(fixed_db), rank_transform(moving_db)
-        return _kept(measurement, ranks, "none", "not registered, because registration.method is none.")
+        return _kept(measurement, 0.0, "none", "not registered, because registration.method is none.")
     if min(fixed_db.shape) < _SMALLEST_PX:
         raise MeasurementError(
             f"registration.method is {config.method}, the image has {fixed_db.shape[0]} x {fixed_db.shape[1]} pixels, "
@@ -200,7 +198,8 @@ def register(
             if furthest > config.max_displacement_px
             else f"the registration did not raise the correlation of {source} with the simulated image ({found})"
         )
-        kept = _kept(measurement, ranks, config.method, f"{why}: the image is used unregistered.")
+        agreement = float(np.mean(local_correlation(*ranks)))
+        kept = _kept(measurement, agreement, config.method, f"{why}: the image is used unregistered.")
         return replace(kept, refused_px=field.astype(np.float32))
     # the posterior belongs to the field of GeFolki: for another method, the distance between both fields is added
     variance = np.square(flow.standard_error_px()) + np.square(field - both).sum(axis=0)
@@ -211,7 +210,7 @@ def register(
         unregistered_db=moving_db,
         displacement_px=field.astype(np.float32),
         uncertainty_px=uncertainty.astype(np.float32),
-        correlation=local_correlation(ranks[0], np.nan_to_num(warp(ranks[1], field))),
+        correlation=float(np.mean(local_correlation(ranks[0], np.nan_to_num(warp(ranks[1], field))))),
         method=config.method,
         applied=True,
         verdict=f"registered with {config.method}: moved by {typical:.1f} pixels (rms, at most {furthest:.1f}) with a "
@@ -243,9 +242,8 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
         sentence ``verdict`` names the choice. Findings are those of the first registration.
     """
     again = register(image_db, replace(first.measurement, image_db=first.unregistered_db), config, same_area=True)
-    before, after = (float(np.mean(one.correlation)) for one in (first, again))
-    numbers = f"mean local correlation {after:.3f}; of the first registration {before:.3f}"
-    if after < before:
+    numbers = f"mean local correlation {again.correlation:.3f}; of the first registration {first.correlation:.3f}"
+    if again.correlation < first.correlation:
         kept = f"A second one, onto a run with laws fitted after the first, agrees less and is not used ({numbers})."
         return replace(first, verdict=f"{first.verdict} {kept}")
     onto = f"This is the second registration, onto a run with laws fitted after the first ({numbers})."
@@ -281,20 +279,10 @@ def _check_agreement(
         )
 
 
-def _kept(
-    measurement: Measurement, ranks: tuple[NDArray[np.float32], NDArray[np.float32]], method: str, verdict: str
-) -> Registered:
+def _kept(measurement: Measurement, correlation: float, method: str, verdict: str) -> Registered:
     """Measured image that is used unregistered, with the reason as its verdict."""
-    return Registered(
-        measurement=measurement,
-        unregistered_db=measurement.image_db,
-        displacement_px=np.zeros((2, *ranks[0].shape), dtype=np.float32),
-        uncertainty_px=np.zeros(ranks[0].shape, dtype=np.float32),
-        correlation=local_correlation(*ranks),
-        method=method,
-        applied=False,
-        verdict=verdict,
-    )
+    still = np.zeros((2, *measurement.image_db.shape), dtype=np.float32)
+    return Registered(measurement, measurement.image_db, still, still[0], correlation, method, False, verdict)
 
 
 def _chequerboard(shape: tuple[int, int]) -> NDArray[np.bool_]:
