@@ -2,12 +2,14 @@
 
     python benchmarks/workflow_overhead.py [--quick]
 
-The benchmark prints three tables, all for the design of a small case (96 x 80 pixels):
+The benchmark prints four tables, all for a small case (96 x 80 pixels), the first three for its design:
 
 1. time of planning (dry runs) for designs of growing size with four runs per job, and peak memory of Snakemake
 2. time and memory for runs of radcal's own simulator, which take some milliseconds each, with a hundred runs per job
 3. time of a design of 8 runs of an external program that sleeps 60 s (6 s with ``--quick``), on one core and on two
    cores, and time per run beyond the sleep
+4. CPU time of Snakemake itself for an iteration of a search of 300 iterations (60 with ``--quick``), whose jobs copy
+   files of a finished search
 
 The last line is one JSON object.
 """
@@ -15,7 +17,9 @@ The last line is one JSON object.
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
+import os
 import shutil
 import sys
 import tempfile
@@ -29,6 +33,9 @@ import psutil
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 from workflow_project import Project, make_project
+
+from radcal.objectives.history import read_runs, write_runs
+from radcal.storage.provenance import provenance
 
 SLEEPER = """\
 import json, sys, time
@@ -109,6 +116,51 @@ def slow_runs(folder: Path, sleep_s: float, size: int = 8) -> dict[str, Any]:
     }
 
 
+COPIES = {
+    "train": 'cp copies/surrogate.h5 "${snakemake_output[surrogate]}"',
+    "propose": 'cp copies/proposal.json "${snakemake_output[proposal]}"',
+    # user and system time of Snakemake, in ticks of 10 ms
+    "verify": """\
+k=${snakemake_wildcards[k]}
+cp copies/verified.h5 "${snakemake_output[trained]}"
+cp copies/$k.json "${snakemake_output[verified]}"
+cut -d" " -f14,15 /proc/$RADCAL_OWNER/stat >> ticks.txt""",
+}
+
+
+def long_search(folder: Path, count: int) -> dict[str, float]:
+    """CPU time of Snakemake for an iteration, in the middle of the first 20 and of the last 20 of a search [s]."""
+    project = make_project(folder / "search")
+    timed(project, "--configfile", "tiny.yaml", cores=1)
+    first, copies = project.out() / "iterations" / "0", project.folder / "copies"
+    copies.mkdir()
+    for made, copy in (("surrogate.h5",) * 2, ("proposal.json",) * 2, ("verified/surrogate.h5", "verified.h5")):
+        shutil.copy(first / made, copies / copy)
+    run = read_runs([first / "verified.json"]).runs[0]
+    for k in range(count):
+        score = dataclasses.replace(run.scores["field"], cost=1.0 / (k + 1))  # never within the tolerance
+        with provenance("tiny"):
+            write_runs(copies / f"{k}.json", [dataclasses.replace(run, index=k, scores={"field": score})])
+    shutil.rmtree(project.out() / "iterations")
+    (project.out() / "final.json").unlink()
+    rules = project.folder / "workflow/rules/loop.smk"
+    for name, lines in COPIES.items():
+        rules.write_text(rules.read_text().replace(f"{name}.py", f"{name}.sh"))
+        (project.folder / f"workflow/scripts/{name}.sh").write_text(lines + "\n")
+    stop = {"rms": 1e-9, "max_runs": project.summary()["runs"]["design"] + count, "stagnation_runs": 2 * count}
+    project.write(stop=stop)
+    timed(project, "results/tiny/final.json", "--configfile", "tiny.yaml", cores=1)
+    spent = np.loadtxt(project.folder / "ticks.txt").sum(axis=1) / os.sysconf("SC_CLK_TCK")
+    assert len(spent) == count
+    found = {
+        "iteration_10_s": (spent[19] - spent[0]) / 19,
+        f"iteration_{count - 10}_s": (spent[-1] - spent[-20]) / 19,
+        "search_s": spent[-1],
+    }
+    print("\n" + ", ".join(f"{name} {value:.3f}" for name, value in found.items()))
+    return found
+
+
 def main() -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -125,6 +177,8 @@ def main() -> None:
         found |= {f"plan_{key}": value for key, value in planning.items()}
         found |= {f"fast_{key}": value for key, value in fast.items()}
         found |= slow_runs(folder, 6.0 if options.quick else 60.0)
+        print("\nCPU time of Snakemake in a long search")
+        found |= long_search(folder, 60 if options.quick else 300)
     print(json.dumps({key: round(value, 3) if isinstance(value, float) else value for key, value in found.items()}))
 
 
