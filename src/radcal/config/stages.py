@@ -193,7 +193,7 @@ STAGES: Mapping[str, Stage] = {
     "archive": Stage(
         "archive of all runs", _ARCHIVE, _REGISTRATION,
         {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json", "stop": "stop.json"},
-        {"calibration": 14}),
+        {"calibration": 15}),
     "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
     "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"folder": "products"}, only_if=_never),
     "report": Stage(
