@@ -18,7 +18,6 @@ from radcal.scene.crs import transformer
 from radcal.scene.grid import Grid
 
 _GREY = 128  # where there is no imagery
-_UNTAGGED = {"GDAL_GEOREF_SOURCES": "NONE"}  # the library that reads tags of JPEG 2000 writes to the terminal
 
 
 def imagery(
@@ -42,7 +41,8 @@ def imagery(
         row = np.floor((latitude - tile.box[1]) / tile.step[1]).astype(np.int64)
         column = np.floor((longitude - tile.box[0]) / tile.step[0]).astype(np.int64)
         inside = (np.minimum(row, column) >= 0) & (np.maximum(row, column) < tile.cells)
-        if not inside.any() or (read := band(tile, log, None, **_UNTAGGED)) is None:
+        # without reading tags, because the library that reads those of JPEG 2000 writes to the terminal
+        if not inside.any() or (read := band(tile, log, None, GDAL_GEOREF_SOURCES="NONE")) is None:
             continue
         colours = np.moveaxis(read[0], 0, -1)
         if colours.shape[-1] != 3 or colours.dtype != np.uint8:

@@ -96,7 +96,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
         pure = (drawn == 0) | (drawn != cover.ids)
         mixed = (nearest_materials(mixture, grid).ids > 0) & ~pure if mixtures.any() else None
         cover = replace(cover, ids=drawn, names=mapping.names)
-        scene = resampled(config.source, elevation, cover, grid, datum, heading_deg)
+        scene = resampled(config.source, elevation, cover, grid, datum, heading_deg, most_bare=MOST_BARE)
         post_m = float(np.sqrt(np.prod(pixel_m(elevation, grid.crs, grid.box))))
     # the finest level may be damaged
     post_m *= max(1.0, step_deg(int(of_heights.max()), 1)[1] / to_posts.step[1])
@@ -105,14 +105,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     log.append(Finding("cdb_posts", severity, "scene.root", {"post_m": post_m, "cells": cells}))
     assert scene.elevation_m is not None  # noqa: S101 - a scene on the map has heights
     objects = objects_of(features, grid, scene.elevation_m, mapping, config.cross_sections, log)
-    return replace(scene, findings=(*map(_told, scene.findings), *log), objects=objects, mixed=mixed, imagery=picture)
-
-
-def _told(finding: Finding) -> Finding:
-    """Finding on a scene; a note on many cells without data, as those of a missing tile, becomes a warning."""
-    bare = finding.code in ("no_elevation", "no_material")
-    many = bare and float(finding.numbers["cells"]) > MOST_BARE * float(finding.numbers["of"])
-    return replace(finding, severity="warning") if many else finding
+    return replace(scene, findings=(*scene.findings, *log), objects=objects, mixed=mixed, imagery=picture)
 
 
 def _shares(levels: NDArray[np.int8]) -> str:

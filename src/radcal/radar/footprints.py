@@ -172,7 +172,8 @@ def to_boxes_and_spots(
     box &= objects.extended
     mean = np.empty(np.count_nonzero(box))
     _mean_ground(elevation, k, place[box], axis[box], half[box], mean)
-    walls = Walls.none(len(objects)) if objects.walls is None else objects.walls
+    n = len(objects)
+    walls = objects.walls or Walls(np.full(n, -1, np.int16), np.full(n, np.nan), np.zeros(n, np.bool_))
     boxes = Boxes(
         place[box], axis[box], half[box], reach[box], mean + objects.height_m[box], rcs_m2[box], np.zeros(mean.size),
         np.flatnonzero(box), (walls.roof[box] + 1).astype(np.uint8),

@@ -121,12 +121,14 @@ def imagery_files(root: Path, bounds: Box) -> list[CdbFile]:
 
     These are the levels up to the first one with 1000 elements along the area; if all are finer, the coarsest.
     """
-    found = cdb_files(root, bounds, (4,))
-    tiles = [one for one in found if (one.first, one.second, one.path.suffix) == (1, 1, ".jp2")]
+    kind = (1, 1, ".jp2")
+    found = [
+        one for one in cdb_files(root, bounds, (4,)) if one.fault or (one.first, one.second, one.path.suffix) == kind
+    ]
     west, south, east, north = bounds
     enough = math.ceil(math.log2(_PICTURE / CELLS / max(east - west, north - south)))
-    finest = max(enough, min((one.level for one in tiles), default=enough))
-    return [one for one in found if one.fault or (one in tiles and one.level <= finest)]
+    finest = max(enough, min((one.level for one in found if not one.fault), default=enough))
+    return [one for one in found if one.fault or one.level <= finest]
 
 
 def _parsed(path: Path, south: int, west: int, width: int) -> CdbFile:

@@ -58,11 +58,6 @@ class Walls:
         first = int(names[0] == "")
         return cls((roof - first).astype(np.int16), sigma0_db, added, tuple(map(str, names[first:])), permittivity)
 
-    @classmethod
-    def none(cls, n: int) -> Walls:
-        """Walls of ``n`` objects with a cross-section, without double bounce."""
-        return cls(np.full(n, -1, np.int16), np.full(n, np.nan), np.zeros(n, np.bool_))
-
 
 @dataclass(frozen=True)
 class Objects:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError
-from radcal.findings import Finding
+from radcal.findings import Finding, Severity
 from radcal.reading.intake import guarded
 from radcal.reading.rasters import check_blocks, in_memory
 from radcal.scene.base import SceneSize, SceneSource
@@ -125,7 +125,7 @@ class Cover:
 
 def resampled(
     source: str, elevation: Source, cover: Cover, grid: Grid, datum: tuple[str, str], heading_deg: float = 0.0,
-    elevation_error_m: float = 0.0,
+    elevation_error_m: float = 0.0, most_bare: float = 1.0,
 ) -> Scene:  # fmt: skip
     """Scene of a raster of elevation, resampled as :func:`raster_scene` describes, and of the materials of its cells.
 
@@ -145,6 +145,8 @@ def resampled(
         Heading of the track to which the grid is turned [deg].
     elevation_error_m : float
         Standard error of a height relative to its neighbours [m].
+    most_bare : float
+        Share of the cells without elevation or material from which this is a warning.
 
     Raises
     ------
@@ -167,10 +169,10 @@ def resampled(
     ids = np.where(filled, np.uint8(0), cover.ids)
     if not ids.any():
         raise SceneError(f"{cover.key}: {cover.path} has no material where the elevation is.")
-    if filled.any():
-        findings.append(_found("no_elevation", cells=int(np.count_nonzero(filled)), of=filled.size))
-    if bare := np.count_nonzero(ids == 0):
-        findings.append(_found("no_material", cells=int(bare), of=ids.size))
+    for code, bare in (("no_elevation", filled), ("no_material", ids == 0)):
+        if count := int(np.count_nonzero(bare)):
+            severity: Severity = "warning" if count > most_bare * bare.size else "note"
+            findings.append(Finding(code, severity, "scene", {"cells": count, "of": bare.size}))
     return Scene(
         identity=digest(
             {

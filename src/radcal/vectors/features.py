@@ -130,19 +130,15 @@ def objects_of(
     which = mapping.fitting(features, mapping.features)
     named = (which >= 0) & (shapely.get_dimensions(features["shape"].to_numpy()) != 1)
     table, keys = features[named], np.array(list(mapping.features))[which[named]]
-    usual = pd.DataFrame(
-        [one.model_dump() for one in mapping.features.values()], columns=list(FeatureClass.model_fields)
-    )
-    usual = usual.iloc[which[named]]
-    of = {name: table[name].to_numpy() for name in NUMBERS}
-    for name in ("length_m", "width_m", "height_m"):
-        of[name] = np.where(of[name] > 0, of[name], usual[name].astype(np.float64))
+    classes = [one.model_dump() for one in mapping.features.values()]
+    usual = pd.DataFrame(classes, columns=list(FeatureClass.model_fields)).iloc[which[named]]
+    names = ["length_m", "width_m", "height_m"]
+    size = np.where(table[names] > 0, table[names], usual[names].astype(np.float64)).T
     shapes = table["shape"].to_numpy()
     area = shapely.area(shapes) > _LEAST_M2
     x, y = shapely.get_coordinates(shapely.centroid(shapes)).T.copy()
-    heading = np.nan_to_num(of["heading_deg"]) + _true_north_deg(grid, x, y)
-    x[area], y[area], of["length_m"][area], of["width_m"][area], heading[area] = rectangles(shapes[area])
-    size = np.stack([of[name] for name in ("length_m", "width_m", "height_m")])
+    heading = np.nan_to_num(table["heading_deg"].to_numpy()) + _true_north_deg(grid, x, y)
+    x[area], y[area], size[0, area], size[1, area], heading[area] = rectangles(shapes[area])
     inside = (x >= grid.west) & (x < grid.box[2]) & (y >= grid.south) & (y < grid.box[3])
     sized = inside & (size > 0).all(axis=0)
     small = sized & (size[:2].max(axis=0) <= _LARGEST_M)
@@ -151,15 +147,15 @@ def objects_of(
     if not small.any():
         return None
     x, y, (length, width, height) = x[small] - grid.west, y[small] - grid.south, size[:, small]
-    row = (y / grid.cell_m).astype(int).clip(max=grid.rows - 1)
-    column = (x / grid.cell_m).astype(int).clip(max=grid.columns - 1)
-    ground = ground_m[row, column]
+    cells = (np.stack([y, x]) / grid.cell_m).astype(int)
+    ground = ground_m[*np.minimum(cells, [[grid.rows - 1], [grid.columns - 1]])]
     # a shape without heights stands on the ground, also where heights are those above the datum
-    base = np.nan_to_num(of["base_m"][small] - np.where(of["absolute"][small] > 0, ground, 0.0))
+    absolute = table["absolute"].to_numpy()[small] > 0
+    base = np.nan_to_num(table["base_m"].to_numpy()[small] - np.where(absolute, ground, 0.0))
     found = cross_sections(tables, "scene.cross_sections")
-    names = list(dict.fromkeys(one.name for one in found.values()))
-    if lacking := {one.cross_section for one in mapping.features.values()} - {None, *names}:
-        raise SceneError(f"scene.cross_sections has no class {min(map(str, lacking))!r}, found {names}.")
+    known = list(dict.fromkeys(one.name for one in found.values()))
+    if lacking := {one.cross_section for one in mapping.features.values()} - {None, *known}:
+        raise SceneError(f"scene.cross_sections has no class {min(map(str, lacking))!r}, found {known}.")
     usual = usual[small]
     decibels, of_wall, bounce = usual[["rcs_db_per_m2", "wall_sigma0_db", "bounce"]].to_numpy(dtype=np.float64).T
     columns = {
@@ -173,9 +169,9 @@ def objects_of(
         "wall_sigma0_db": of_wall,
         "bounce": bounce,
     }
-    classes, roofs = (usual[name].fillna("").to_numpy(dtype=str) for name in ("cross_section", "roof"))
+    named_classes, roofs = (usual[name].fillna("").to_numpy(dtype=str) for name in ("cross_section", "roof"))
     permittivity = None if mapping.permittivity is None else mapping.permittivity.pair
-    return Objects.of(columns, classes, roofs, found, permittivity)
+    return Objects.of(columns, named_classes, roofs, found, permittivity)
 
 
 def _true_north_deg(grid: Grid, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
