@@ -137,7 +137,7 @@ rule products:
         every_pass(SIMULATOR),
         archive=rules.archive.output.archive,
     output:
-        **outputs("products", folder=directory),
+        **outputs("products"),
     log:
         f"{OUT}/logs/products.log",
     benchmark:
@@ -148,6 +148,7 @@ rule products:
     params:
         case=STAGES["products"].params(CASE),
         runs=f"{OUT}/runs",
+        folder=f"{OUT}/products",  # no output, of which a killed job would lose all
     message:
         words("products")
     script:

@@ -195,7 +195,7 @@ STAGES: Mapping[str, Stage] = {
         {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json", "stop": "stop.json"},
         {"calibration": 15}),
     "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
-    "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"folder": "products"}, only_if=_never),
+    "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"made": "products.json"}, only_if=_never),
     "report": Stage(
         "figures and report", (), _PAGE,
         {"figures": "figures", "page": "report.html", "checksums": "report.json"}),
