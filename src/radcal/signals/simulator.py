@@ -38,7 +38,7 @@ class FocusedSimulator:
 
     The amplitude of the image is the sum of those of its materials. What does not change from run to run, namely fixed
     materials, objects and noise, is simulated once for each seed; a run adds the calibrated materials. Noise has the
-    level of ``radar.nesz_db`` at all ranges; that of a receiver alone grows with the third power of range.
+    level of ``radar.nesz_db`` at all ranges; that of a receiver alone grows with range.
 
     Parameters
     ----------
