@@ -61,7 +61,7 @@ def test_what_is_still_to_be_decided_has_its_line_and_its_meaning(tmp_path):
     )
     found = load_with_problems([file], {"stop": {"rms": "FILL_IN"}}).problems
     assert sorted(text.removeprefix(f"{file}, ") for text in found) == [
-        "command line: stop.rms is FILL_IN, expected largest rms difference [1/dB].",
+        "command line: stop.rms is FILL_IN, expected tolerance of the rms difference between the densities [1/dB].",
         "line 11: scene.cell_m is FILL_IN, expected cell size of the scene [m].",
         "line 11: scene.elevation is FILL_IN, expected GeoTIFF or other raster of heights [m].",
         f"line 2: radar.looks is FILL_IN, expected {Radar.model_fields['looks'].description.partition(';')[0]}.",
