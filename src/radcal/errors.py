@@ -43,6 +43,13 @@ class UnreadFile:
     reason: str
 
 
+@dataclass(frozen=True)
+class RenamedFile:
+    """Faulty file that was renamed: what is wrong with it, and its new name, without a full stop."""
+
+    what: str
+
+
 class RadcalError(Exception):
     """Base class of all exceptions whose message is written for the user.
 

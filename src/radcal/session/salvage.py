@@ -13,7 +13,7 @@ from typing import Any
 
 from radcal.config import Case
 from radcal.config.stages import OUTPUTS
-from radcal.errors import DamagedError, StoreError
+from radcal.errors import DamagedError, RenamedFile, StoreError
 from radcal.radar import simulator_version
 from radcal.storage.files import clamp_future_mtimes, file_sha256
 from radcal.storage.inspection import inspect, kind_of, set_aside
@@ -191,7 +191,9 @@ def _remove(path: Path) -> None:
 
 def _here(error: StoreError) -> str:
     """Message which says that a file is damaged and that the present command makes the file again."""
-    return str(error).replace("type the same command again to have it made again", "it is made again where needed")
+    if isinstance(error.about, RenamedFile):
+        return f"{error.about.what}; it is made again where needed (finished runs are kept)."
+    return str(error)
 
 
 def _records(folder: Path, sentences: list[str]) -> set[str]:

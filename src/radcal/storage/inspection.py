@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 
 from radcal.config.stages import SCHEMAS
-from radcal.errors import DamagedError, StoreError
+from radcal.errors import DamagedError, RenamedFile, StoreError
 from radcal.reading.intake import elsewhere
 from radcal.storage.provenance import origin
 from radcal.storage.sealing import Fault, check_hdf5, check_json
@@ -86,10 +86,9 @@ def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | 
         return DamagedError(
             f"{path}: {reason}, and cannot be set aside ({error.strerror}); remove it and type the same command again."
         )
-    return DamagedError(
-        f"{path}: {reason}; set aside as {aside.name}; type the same command again to have it made again (finished "
-        "runs are kept)."
-    )
+    what = f"{path}: {reason}; set aside as {aside.name}"
+    remedy = "type the same command again to have it made again (finished runs are kept)."
+    return DamagedError(f"{what}; {remedy}", RenamedFile(what))
 
 
 def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) -> None:
