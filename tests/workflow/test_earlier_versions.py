@@ -13,7 +13,7 @@ SIMULATED = "measured image: synthetic, seed 1"
 @pytest.mark.parametrize(
     ("version", "killed", "made_again"),
     [
-        ("0.1.0", False, {"calibration", "field", "image"}),
+        ("0.1.0", False, {"calibration", "field", "image", "registered"}),
         ("69e11348", False, {"calibration", "field"}),
         ("69e11348", True, set()),
     ],

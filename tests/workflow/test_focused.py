@@ -36,7 +36,7 @@ def test_a_calibration_on_focused_images_finds_the_law_that_the_fast_image_has(p
     assert np.nanmax(band[1] - band[0]) < 4.0
     for path in (project.out() / "runs").glob("[!.]*.h5"):
         with h5py.File(path) as file:
-            assert json.loads(file.attrs["description"])["simulator"] == {"kind": "builtin", "version": 3, "focused": 1}
+            assert json.loads(file.attrs["description"])["simulator"] == {"kind": "builtin", "version": 3, "focused": 2}
     # one file for each seed: two draws, and the final run with fresh speckle
     parts = sorted((project.out() / "passes/1/focused").iterdir())
     assert len(parts) == 3

@@ -88,14 +88,14 @@ def _font() -> tuple[str, TemporaryDirectory[str]]:
     options.drop_tables += ["FFTM", "GDEF", "GPOS", "GSUB", "MATH"]
     for weight in ("normal", "bold"):
         found = font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=weight))
-        font = subset.load_font(found, options)
-        part = subset.Subsetter(options)
-        part.populate(unicodes=_SIGNS)
-        part.subset(font)
-        for kind in (1, 16):  # the two names of the family
-            font["name"].setName(family, kind, 3, 1, 0x409)
         path = Path(folder.name, f"{weight}.ttf")
-        subset.save_font(font, str(path), options)
+        with subset.load_font(found, options) as font:
+            part = subset.Subsetter(options)
+            part.populate(unicodes=_SIGNS)
+            part.subset(font)
+            for kind in (1, 16):  # the two names of the family
+                font["name"].setName(family, kind, 3, 1, 0x409)
+            subset.save_font(font, str(path), options)
         font_manager.fontManager.addfont(path)
     return family, folder
 
