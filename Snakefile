@@ -89,7 +89,6 @@ localrules:
     all,
     reference,
     design,
-    summary,
 
 
 rule all:

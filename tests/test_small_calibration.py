@@ -40,7 +40,7 @@ def test_ends_within_the_tolerance_and_keeps_its_contracts(finished):
     assert field["runs_to_tolerance"] == runs["design"] + runs["infill"]
     assert set(field["target"]) == set(field["calibrated"]) == {"xi", "omega", "alpha"}
     assert all(0 <= x <= 50 for x in field["parameters"].values())
-    assert {"design", "train", "propose", "verify", "report"} <= summary["wall_seconds"].keys()
+    assert {"design", "train", "propose", "verify", "archive"} <= summary["wall_seconds"].keys()
     json.dumps(summary, allow_nan=False)
     assert math.isfinite(field["law_difference_db"])
     assert not [path for path in finished.out().rglob("*") if "partial" in path.name or "tmp" in path.name]

@@ -177,8 +177,8 @@ def test_sigterm_is_told_once_and_explains_the_end():
 def test_write_protected_outputs_become_a_sentence():
     path = "/data/my results/tiny/summary.json"
     text = (
-        'ProtectedOutputException in rule summary in file "/p/workflow/rules/report.smk", line 82:\n'
-        f"Write-protected output files for rule summary:\n    output: {path}\n    affected files:\n        {path}\n"
+        'ProtectedOutputException in rule report in file "/p/workflow/rules/report.smk", line 82:\n'
+        f"Write-protected output files for rule report:\n    output: {path}\n    affected files:\n        {path}\n"
     )
     assert shown(Messages(lambda: False), text) == (
         f"radcal: {path} is write-protected, and is to be made again: make it writable (chmod u+w), "

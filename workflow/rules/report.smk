@@ -1,4 +1,4 @@
-# The final runs, the archive, figures, report and summary.
+# The final runs, the archive, exports, figures, report and summary.
 
 
 def subject(wildcards):
@@ -158,6 +158,8 @@ rule products:
 rule report:
     input:
         archive=rules.archive.output.archive,
+        # the summary, written last, says that the case is finished
+        export=rules.export.output.checksums,
     output:
         **outputs(
             "report",
@@ -189,23 +191,3 @@ rule report:
         words("report")
     script:
         "../scripts/report.py"
-
-
-rule summary:
-    input:
-        archive=rules.archive.output.archive,
-        page=rules.report.output.page,
-        export=rules.export.output.checksums,
-    output:
-        **outputs("summary"),
-    log:
-        f"{OUT}/logs/summary.log",
-    retries: 0
-    resources:
-        **resources("summary"),
-    params:
-        benchmarks=f"{OUT}/benchmarks",
-    message:
-        words("summary")
-    script:
-        "../scripts/summary.py"

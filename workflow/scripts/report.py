@@ -1,4 +1,4 @@
-"""Draw the figures and write the report from the archive."""
+"""Draw the figures, write the report and ``summary.json`` from the archive, and print how the calibration ended."""
 
 import os
 from pathlib import Path
@@ -7,8 +7,9 @@ from radcal.figures.figures import write_figures
 from radcal.page.html import write_report
 from radcal.page.provenance import provenance_of
 from radcal.results.archive import read_archive
+from radcal.results.summary import sentences, summarise
 from radcal.session.jobs import COMMAND, job, progress
-from radcal.storage.records import write_listing
+from radcal.storage.records import write_json, write_listing
 
 with job(snakemake):
     archive = read_archive(snakemake.input.archive)
@@ -19,3 +20,6 @@ with job(snakemake):
     pictures = [path for figure in figures for path in (figure.png, figure.pdf)]
     write_listing(snakemake.output.checksums, [snakemake.output.page, *pictures])
     progress(f"report: {snakemake.output.page}")
+    write_json(snakemake.output.summary, summarise(archive, made["seconds"]), flat=True)
+    for sentence in sentences(archive):
+        progress(sentence)

@@ -197,9 +197,8 @@ STAGES: Mapping[str, Stage] = {
     "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
     "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"made": "products.json"}, only_if=_never),
     "report": Stage(
-        "figures and report", (), _PAGE,
-        {"figures": "figures", "page": "report.html", "checksums": "report.json"}),
-    "summary": Stage("summary", (), _PAGE, {"summary": "summary.json"}),
+        "figures, report and summary", (), _PAGE,
+        {"figures": "figures", "page": "report.html", "checksums": "report.json", "summary": "summary.json"}),
 }
 # fmt: on
 """Stages of the workflow, by the names of their rules, in the order of the flow."""
