@@ -22,6 +22,12 @@ from radcal.storage.records import read_hdf5, read_json, write_hdf5, write_json
 X = np.arange(3000, dtype=np.float32)
 
 
+@pytest.fixture(autouse=True)
+def _in_a_job():
+    with provenance("dyke"):
+        yield
+
+
 def left_in(folder):
     return sorted(path.name for path in folder.iterdir())
 
@@ -169,6 +175,19 @@ def test_a_file_of_an_earlier_schema_is_not_called_damaged(tmp_path):
     with pytest.raises(DamagedError, match="is damaged"):
         inspect(tmp_path / "b.h5", "scene")
     assert left_in(tmp_path) == ["a.earlier", "b.damaged"]
+
+
+def test_outside_of_a_command_on_a_case_no_file_is_renamed(tmp_path):
+    path = write(tmp_path / "a.h5", "scene")
+    with changed(path) as file:
+        file.attrs["schema"] = SCHEMAS["scene"] - 1
+    (tmp_path / "b.json").write_text("{}")
+    with provenance():
+        with pytest.raises(DamagedError, match=r"a\.h5: is of an earlier version .*; nothing was changed; type"):
+            inspect(path, "scene")
+        with pytest.raises(DamagedError, match=r"b\.json: is damaged .*; nothing was changed; type the command of its"):
+            read_json(tmp_path / "b.json")
+    assert left_in(tmp_path) == ["a.h5", "b.json"]
 
 
 def test_what_is_made_again_without_a_difference_stays_byte_for_byte(tmp_path):

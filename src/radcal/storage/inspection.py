@@ -1,7 +1,7 @@
 """Inspection of files that radcal wrote, before they are parsed: checksum, kind, schema version and case.
 
 The checksum is compared first, because a damaged file can crash the HDF5 library. A file that fails the inspection is
-renamed, never deleted.
+renamed by a command that makes it again, and stays as it is for one that only reads results; none is deleted.
 """
 
 from __future__ import annotations
@@ -23,7 +23,8 @@ from radcal.storage.sealing import Fault, check_hdf5, check_json
 def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
     """Inspect a file; rename the file to ``*.damaged`` if it is damaged, or of another kind, version or case.
 
-    An undamaged file of an earlier version is renamed to ``*.earlier``.
+    An undamaged file of an earlier version is renamed to ``*.earlier``. Outside of a command on a case
+    (:func:`.provenance`), only records of runs are renamed.
 
     Parameters
     ----------
@@ -48,6 +49,9 @@ def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -
         try:
             inspect_file(path, kind, most_bytes)
         except Fault as fault:
+            if kind != "run" and origin().case is None:
+                again = "type the command of its case again to have it made again (finished runs are kept)."
+                raise DamagedError(f"{path}: {fault}; nothing was changed; {again}") from None
             raise set_aside(path, str(fault), number, path.with_suffix(fault.suffix)) from None
     except OSError as error:
         raise unreachable(path, error) from error
