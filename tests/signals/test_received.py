@@ -9,6 +9,7 @@ from sarkit.verification import CphdConsistency
 from signals_samples import errors_of
 
 from radcal.errors import ConfigError
+from radcal.signals import received
 from radcal.signals.cphd import write_iq
 from radcal.signals.focus import backprojected
 from radcal.signals.places import site_of
@@ -273,6 +274,13 @@ def test_samples_that_are_no_numbers_are_told(tmp_path):
         write_image(tmp_path / "other.cphd", tmp_path, 2.0)
 
 
+def test_a_mistake_of_the_reader_is_no_fault_of_the_file(tmp_path, monkeypatch):
+    written(tmp_path / "other.cphd")
+    monkeypatch.setattr(received, "_collection", lambda *_: None + 1)
+    with pytest.raises(TypeError, match="unsupported operand"):
+        read_cphd(tmp_path / "other.cphd")
+
+
 def test_files_that_cannot_be_focused_are_told(tmp_path):
     path = tmp_path / "other.cphd"
     path.write_bytes(b"CPHD/1.1.0\nnothing")
@@ -289,6 +297,7 @@ def test_files_that_cannot_be_focused_are_told(tmp_path):
         (good.replace(b"NumVectors>", b"NumVectorz>"), r"\(an element of its metadata is missing or empty\)"),
         (good.replace(b"SGN>-1<", b"SGN> 0<"), "SGN is 0, expected -1 or 1"),
         (good.replace(b"IARP>", b"IARQ>"), r"\(SceneCoordinates/IARP/ECF is missing\)"),
+        (good.replace(b"uIAY>", b"uIAZ>"), r"\(SceneCoordinates/ReferenceSurface/HAE/uIAXLL is missing\)"),
         (b"CPHD/1.1.0\n" + bytes(1 << 17), r"\(it does not begin with a header of CPHD 1.x\)"),
     ]:
         path.write_bytes(wrong)

@@ -7,7 +7,9 @@ NGA.STND.0068-1, "Compensated Phase History Data (CPHD) design and implementatio
 
 from __future__ import annotations
 
+import contextlib
 import io
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -125,12 +127,9 @@ def read_cphd(path: Path, channel: str | None = None) -> Received:
     try:
         return _read(path, channel)
     except (
-        OSError, ValueError, LookupError, TypeError, AttributeError, SyntaxError, RuntimeError, MemoryError,
-        etree.LxmlError,
+        OSError, ValueError, LookupError, SyntaxError, RuntimeError, MemoryError, etree.LxmlError,
     ) as error:  # fmt: skip
-        missing = isinstance(error, TypeError | AttributeError)
-        what = "an element of its metadata is missing or empty" if missing else error
-        raise ConfigError(f"{path}: no readable CPHD file ({what}).") from None
+        raise ConfigError(f"{path}: no readable CPHD file ({error}).") from None
 
 
 def _metadata(path: Path, channel: str | None) -> tuple[Any, str, NDArray[Any]]:
@@ -145,7 +144,7 @@ def _metadata(path: Path, channel: str | None) -> tuple[Any, str, NDArray[Any]]:
         if int(sizes["XML_BLOCK_SIZE"]) > _XML:
             raise ValueError(f"XML_BLOCK_SIZE is {sizes['XML_BLOCK_SIZE']}, expected at most {_XML}")
         file.seek(0)
-        with cphd.Reader(file) as reader:
+        with _complete(), cphd.Reader(file) as reader:
             helper = cphd.XmlHelper(reader.metadata.xmltree)
             channels = [one.text for one in reader.metadata.xmltree.findall("{*}Data/{*}Channel/{*}Identifier")]
             asked = channel or _of(helper, "{*}Channel/{*}RefChId")
@@ -156,14 +155,25 @@ def _metadata(path: Path, channel: str | None) -> tuple[Any, str, NDArray[Any]]:
                 raise ConfigError(f"{path}: its signal is compressed, expected arrays of numbers.")
             vectors = reader.read_pvps(asked)
             reader.read_signal(asked, start_vector=len(vectors) - 1)  # the file is not cut off
-    if (kind := helper.load("{*}CollectionID/{*}CollectType")) != "MONOSTATIC":
+    if (kind := _of(helper, "{*}CollectionID/{*}CollectType")) != "MONOSTATIC":
         raise ConfigError(f"{path}: CollectType is {kind}, expected MONOSTATIC.")
     return helper, asked, vectors
 
 
-def _of(helper: Any, where: str) -> Any:
-    """Value of an element of the metadata, which must be there."""
-    if (value := helper.load(where)) is None:
+@contextlib.contextmanager
+def _complete() -> Iterator[None]:
+    """Context of calls of sarkit, which fail by a TypeError or an AttributeError if an element is missing or empty."""
+    try:
+        yield
+    except (TypeError, AttributeError):
+        raise ValueError("an element of its metadata is missing or empty") from None
+
+
+def _of(helper: Any, where: str, optional: bool = False) -> Any:
+    """Value of an element of the metadata; None for a missing one that is optional."""
+    with _complete():
+        value = helper.load(where)
+    if value is None and not optional:
         raise ValueError(f"{where.replace('{*}', '')} is missing")
     return value
 
@@ -259,8 +269,8 @@ def _image_plane(helper: Any) -> tuple[Doubles, Doubles, Doubles]:
 
     scene = "{*}SceneCoordinates/{*}"
     origin, llh = (np.asarray(_of(helper, f"{scene}IARP/{{*}}{kind}")) for kind in ("ECF", "LLH"))
-    plane = [helper.load(f"{scene}ReferenceSurface/{{*}}Planar/{{*}}{axis}") for axis in ("uIAX", "uIAY")]
-    if plane[0] is None:  # a surface of constant height: its tangent plane
+    plane = [_of(helper, f"{scene}ReferenceSurface/{{*}}Planar/{{*}}{axis}", True) for axis in ("uIAX", "uIAY")]
+    if any(axis is None for axis in plane):  # a surface of constant height: its tangent plane
         turns = [_of(helper, f"{scene}ReferenceSurface/{{*}}HAE/{{*}}{axis}LL") for axis in ("uIAX", "uIAY")]
         plane = [wgs84.geodetic_to_cartesian(llh + np.degrees([*turn, 0.0])) - origin for turn in turns]
     axes = np.array([axis / np.linalg.norm(axis) for axis in plane])
