@@ -92,7 +92,8 @@ def _check(case: Case, path: Path, kind: str, unchanged: Callable[[Part], bool],
             theirs = json.loads(file["config"].asstr()[()])
         if unchanged(STAGES[kind].model.model_validate(theirs)):
             return
-        inspect_file(path, kind)
+        if path.stat().st_size > _MOST_BYTES:
+            inspect_file(path, kind)
     except (Fault, OSError, StoreError, KeyError, ValueError, ValidationError):
         return  # a missing or damaged file need not be kept
     if alike():
