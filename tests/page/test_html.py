@@ -358,11 +358,13 @@ def test_a_better_law_outside_of_a_bound_is_suspected_only_where_the_form_is_wro
     made, tmp_path, form, reason, flagged
 ):
     """Or, where the form cannot be tested, after a failed search."""
-    known = posterior(form=None if form is None else replace(posterior().form, **form))
+    nearest = np.array([3.0, 0.0, 4.0, 5.0])
+    known = posterior(form=None if form is None else replace(posterior().form, **form), parameters_model=nearest)
     archive = ended(changed_material(made.archive, "dyke", posterior=known), reason, dyke=reason)
     text = render(tmp_path / "report.html", archive)[1].text
     assert ("At a bound: dyke X1. A better law may lie outside the bounds." in text) is flagged
     assert "50.00 (bound)" in text
+    assert "0 (bound)" in text.replace("50.00 (bound)", "")
 
 
 def test_errors_on_held_out_ground_are_in_a_table(made, tmp_path):
