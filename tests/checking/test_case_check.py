@@ -97,7 +97,7 @@ def test_what_a_right_case_needs_is_told(tmp_path):
     ]
     numbers = {one.code: one.numbers for one in found.findings}
     assert numbers["level_counted"] == pytest.approx({"level_db": 0.33, "half_width_db": 1.645 * 0.33}, rel=1e-3)
-    assert found.search == "search: 0 of about 13 runs."
+    assert found.search == "simulator: 0 of about 13 runs."
     done = CliRunner().invoke(app, ["check", str(path)])
     assert done.exit_code == 0
     assert (

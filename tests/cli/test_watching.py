@@ -36,7 +36,7 @@ def test_a_case_is_shown_until_no_command_works_on_it(folder, monkeypatch):
     assert done.exit_code == 0
     # at the start, after the news, and at the end
     assert done.stdout.count("mine: not finished") == 3
-    assert done.stdout.count("search: 0 of about ") == 2
+    assert done.stdout.count("simulator: 0 of about ") == 2
     assert done.stdout.count("live page: results/mine/live.html") == 3
     first = html.document_fromstring(pages[0])
     assert first.xpath("//meta[@http-equiv='refresh']/@content") == ["5"]

@@ -154,7 +154,7 @@ def check_case(
     if found.shape is not None:
         replaced = _refused(check_replacement, case, Path(results) / case.case, input_files(case))
         found.refused = list(map(str, replaced))
-    found.search = f"search: {standing(case, Path(results) / case.case)}."
+    found.search = f"simulator: {standing(case, Path(results) / case.case)}."
     return found
 
 

@@ -50,7 +50,7 @@ def watched(cases: Mapping[Path, str], page: bool) -> None:
         lines = []
         for folder in cases:
             now = standing(configured[folder], folder) if folder in configured and folder in at_work else None
-            of_case = [*show(folder), *[f"search: {now}."] * (now is not None)]
+            of_case = [*show(folder), *[f"simulator: {now}."] * (now is not None)]
             if page:
                 with atomic(folder / "live.html") as partial:
                     partial.write_text(live_page(folder, of_case, now, folder in at_work), encoding="utf-8")
