@@ -39,9 +39,8 @@ from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.signals.focus import backprojected, focused
-from radcal.signals.history import echoes
-from radcal.signals.platform import LIGHT_MPS, Collection, collection, pattern
-from radcal.signals.record import RawSignal
+from radcal.signals.history import RawSignal, echoes
+from radcal.signals.platform import LIGHT_MPS, Collection, collection
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.signals.wavenumber import omega_k
 from radcal.simulators.builtin import BuiltinSimulator
@@ -104,7 +103,7 @@ def speed(facets: int) -> dict[str, float]:
     for p in range(few):
         away = found.place_m - one.track_m[p]
         slant = np.linalg.norm(away, axis=1)
-        lit = found.amplitude * pattern(away[:, 0] / slant, one.antenna_m, one.wavelength_m) * (SLANT_M / slant) ** 2
+        lit = found.amplitude * one.pattern(away[:, 0] / slant) * (SLANT_M / slant) ** 2
         call = (found.place_m, lit, one.track_m[p], one.distance_m[p], one.frequency_hz, sums[p])
         plain_s += timed(lambda call=call: plain_sum(*call))[1]
     error = np.sqrt(np.mean(np.abs(signal[:few] - sums) ** 2) / np.mean(np.abs(sums) ** 2))

@@ -30,14 +30,17 @@ def case(build_case):
 
 def test_echoes_of_a_mover_are_its_steering_vector(case, moving):
     one = collection(case, moving)
-    interval, mover = interval_of(case, one), movers_of(case, moving, one)
+    interval, mover = interval_of(case, one), movers_of(case, moving)
     assert len(mover.amplitude) == 1
-    dwell = min(dwells(case, moving, one, mover, 1), key=lambda each: abs(mover.seen(each.antenna_m)[1][0] - 0.002))
-    slant, sine, velocity = mover.seen(dwell.antenna_m)
-    # seen at an incidence of about 45 degrees
-    ground = mover.place_m[0, 1] / slant[0]
-    assert velocity[0] == pytest.approx(SPEED * ground, rel=1e-6)
-    gate = int(np.argmin(np.abs(dwell.range_m - slant[0])))
+    (place,) = one.of_grid(mover.after(0.0))
+    dwell = min(
+        dwells(case, moving, one, mover, 1), key=lambda each: abs(place[0] - each.antenna_m[0] - 0.002 * one.range_m)
+    )
+    line = place - dwell.antenna_m
+    slant = np.linalg.norm(line)
+    # towards the radar, which sees it at an incidence of about 45 degrees
+    sine, velocity = line[0] / slant, SPEED * place[1] / slant
+    gate = int(np.argmin(np.abs(dwell.range_m - slant)))
     found = dwell.movers[:, gate]
 
     def alike(u, v):
@@ -52,12 +55,11 @@ def test_echoes_of_a_mover_are_its_steering_vector(case, moving):
 
 def test_a_scene_to_the_left_is_mirrored(build_case, moving):
     right, left = (build_case(gmti=GMTI, radar={"altitude_m": 1000.0, "look_side": side}) for side in ("right", "left"))
-    first, second = (movers_of(case, moving, collection(case, moving)) for case in (right, left))
-    middle = collection(right, moving).reference_m[0, 1]
-    assert first.place_m[0, 1] - middle == pytest.approx(20.0)
-    assert second.place_m[0, 1] - middle == pytest.approx(-20.0)
-    np.testing.assert_allclose(first.velocity_mps, [[0.0, -SPEED, 0.0]], atol=1e-12)
-    np.testing.assert_allclose(second.velocity_mps, [[0.0, SPEED, 0.0]], atol=1e-12)
+    for case, sign in ((right, 1.0), (left, -1.0)):
+        one, mover = collection(case, moving), movers_of(case, moving)
+        first, later = (one.of_grid(mover.after(seconds))[0] for seconds in (0.0, 2.0))
+        assert first[:2] - one.reference_m[0, :2] * [0.0, 1.0] == pytest.approx([110.0, sign * 20.0])
+        np.testing.assert_allclose(later - first, [0.0, -sign * 2.0 * SPEED, 0.0], atol=1e-9)
 
 
 def test_training_gates_are_every_second_one_around_a_gate():

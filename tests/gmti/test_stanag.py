@@ -42,7 +42,7 @@ def written(build_case, scene, path, source="builtin", **signals):
         for (along, across, up), speed in zip(PLACES.tolist(), (6.5, -3.21), strict=True)
     ]
     antennas = {1: np.array([40.0, 0.0, 3000.0]), 2: np.array([140.0, 0.0, 3000.0])}
-    return write_stanag(path, made, one, reports, antennas, 0.02), made, one
+    return write_stanag(path, made, one, reports, antennas), made, one
 
 
 def read(path):

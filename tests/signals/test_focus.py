@@ -6,8 +6,8 @@ from signals import FINE, ideal, lobes
 from signals_samples import at, collection, nominal
 
 from radcal.signals.focus import backprojected, cell_area_m2
+from radcal.signals.history import RawSignal
 from radcal.signals.platform import nesz
-from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers
 from radcal.signals.wavenumber import omega_k
 from radcal.speckle.response import speckle_correlation, taylor_weights

@@ -6,9 +6,8 @@ import pytest
 from signals_samples import collection, ground
 
 from radcal.signals.focus import backprojected
-from radcal.signals.history import converted, echoes, quantised, turned
+from radcal.signals.history import RawSignal, converted, echoes, quantised, turned
 from radcal.signals.platform import LIGHT_MPS
-from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import Scatterers
 
 

@@ -13,9 +13,9 @@ from radcal.radar.projection import lit_facets
 from radcal.radar.reflectivity import law_tables, reflectivity
 from radcal.scene.objects import Objects, Walls
 from radcal.signals.focus import backprojected, check, focused, write_focused
+from radcal.signals.history import RawSignal, signal_of
 from radcal.signals.places import image_places
-from radcal.signals.platform import collection, nesz, pattern
-from radcal.signals.record import RawSignal, signal_of
+from radcal.signals.platform import collection, nesz
 from radcal.signals.scatterers import Scatterers, scatterers
 from radcal.simulators.builtin import BuiltinSimulator
 
@@ -203,7 +203,7 @@ def test_no_echo_of_the_swath_leaves_the_window_and_no_pulse_folds_into_the_band
     assert np.abs(slant - one.range_m).max() < 0.5 * window
     # azimuth frequencies between the edge of the band and the beam's null fold beyond the band
     assert one.prf_hz / one.speed_mps - 2.0 / one.antenna_m >= 0.5 * one.band
-    assert pattern(np.array([1.01 * one.wavelength_m / one.antenna_m]), one.antenna_m, one.wavelength_m) == 0.0
+    assert one.pattern(np.array([1.01 * one.wavelength_m / one.antenna_m])) == 0.0
 
 
 @pytest.mark.parametrize(

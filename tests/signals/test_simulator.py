@@ -9,8 +9,8 @@ from radcal.errors import ConfigError
 from radcal.radar.radiometry import noise_floor_db
 from radcal.signals import simulator as made_by
 from radcal.signals.focus import focused
+from radcal.signals.history import RawSignal
 from radcal.signals.platform import collection
-from radcal.signals.record import RawSignal
 from radcal.signals.scatterers import scatterers
 from radcal.simulators.runner import Runner
 from radcal.simulators.sources import make_simulator

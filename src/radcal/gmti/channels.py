@@ -18,50 +18,18 @@ from radcal.seeds import derived_rng, derived_seed
 from radcal.signals.history import echoes
 from radcal.signals.platform import LIGHT_MPS, Collection
 from radcal.signals.scatterers import Scatterers, scatterers
-from radcal.speckle.response import taylor_weights
 
 Array = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)
-class Sides:
-    """East and ground range of a scene; the latter grows to the east if the radar looks to the right, else to the west.
-
-    Attributes
-    ----------
-    sign : float
-        1 if both grow together, else -1.
-    middle_m, half_m : float
-        Ground range of the scene's middle, and half of the scene's width [m].
-    """
-
-    sign: float
-    middle_m: float
-    half_m: float
-
-    @classmethod
-    def of(cls, case: Part, scene: Scene, one: Collection) -> Sides:
-        """Sides of a pass."""
-        sign = -1.0 if case.radar.look_side == "left" else 1.0
-        return cls(sign, float(one.reference_m[0, 1]), 0.5 * scene.material.shape[1] * scene.cell_m)
-
-    def ground_m(self, east_m: Any) -> Any:
-        """Ground range of places east of the corner of the scene's grid [m]."""
-        return self.middle_m + self.sign * (east_m - self.half_m)
-
-    def east_m(self, ground_m: Any) -> Any:
-        """Places east of the corner of the scene's grid, of a ground range [m]."""
-        return self.half_m + self.sign * (ground_m - self.middle_m)
-
-
-@dataclass(frozen=True)
 class Movers:
-    """Moving objects, in metres along the track, in ground range from below the track, and in elevation.
+    """Moving objects, in metres to the east and to the north of the corner of the scene's grid, and in elevation.
 
     Attributes
     ----------
     place_m : ndarray, shape (n, 3)
-        Place at the middle of each dwell [m].
+        Place at the middle of each dwell of the first scan [m].
     velocity_mps : ndarray, shape (n, 3)
         Velocity [m/s].
     amplitude : ndarray of complex64, shape (n,)
@@ -72,15 +40,9 @@ class Movers:
     velocity_mps: Array
     amplitude: NDArray[np.complex64]
 
-    def after(self, seconds: float) -> Movers:
-        """Movers some seconds later."""
-        return replace(self, place_m=self.place_m + seconds * self.velocity_mps)
-
-    def seen(self, antenna_m: Array) -> tuple[Array, Array, Array]:
-        """Slant range [m], sine of the angle from zero Doppler, and radial velocity [m/s] from an antenna's place."""
-        line = self.place_m - antenna_m
-        slant = np.linalg.norm(line, axis=1)
-        return slant, line[:, 0] / slant, -np.einsum("ij,ij->i", line, self.velocity_mps) / slant
+    def after(self, seconds: float) -> Array:
+        """Places some seconds later, shape (n, 3) [m]."""
+        return np.asarray(self.place_m + seconds * self.velocity_mps)
 
 
 @dataclass(frozen=True)
@@ -150,38 +112,29 @@ def interval_of(case: Part, one: Collection) -> Interval:
     )
 
 
-def movers_of(case: Part, scene: Scene, one: Collection) -> Movers:
+def movers_of(case: Part, scene: Scene) -> Movers:
     """Moving objects of a scene, as points at their height above the ground, hidden by nothing."""
     if scene.objects is None or not scene.objects.moving.any():
         return Movers(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0, np.complex64))
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
-    moving = scene.objects.some(scene.objects.moving)
-    (ny, nx), cell, sides = scene.material.shape, scene.cell_m, Sides.of(case, scene, one)
-    row, column = (
-        np.minimum((moving.y_m / cell).astype(int), ny - 1),
-        np.minimum((moving.x_m / cell).astype(int), nx - 1),
-    )
+    moving, radar = scene.objects.some(scene.objects.moving), case.radar
+    places = zip((moving.y_m, moving.x_m), scene.material.shape, strict=True)
+    row, column = (np.minimum((at / scene.cell_m).astype(int), n - 1) for at, n in places)
     height = scene.elevation_m[row, column] + moving.height_m
-    ground, bearing = sides.ground_m(moving.x_m), np.radians(moving.heading_deg)
+    bearing = np.radians(moving.heading_deg)
     assert moving.speed_mps is not None  # noqa: S101 - they move
-    along = moving.speed_mps[:, None] * np.stack([np.cos(bearing), sides.sign * np.sin(bearing), 0.0 * bearing], axis=1)
+    velocity = moving.speed_mps[:, None] * np.stack([np.sin(bearing), np.cos(bearing), 0.0 * bearing], axis=1)
     phase = derived_rng(case.seed, "gmti", "movers").uniform(0.0, 2.0 * np.pi, len(moving))
-    radar, steep = case.radar, np.full(len(moving), case.radar.depression_deg)
-    sigma = moving.cross_section_m2(180.0 + 90.0 * sides.sign, steep, radar.band, radar.polarisation)
+    towards, steep = 270.0 if radar.look_side == "right" else 90.0, np.full(len(moving), radar.depression_deg)
+    sigma = moving.cross_section_m2(towards, steep, radar.band, radar.polarisation)
     amplitude = np.sqrt(np.nan_to_num(sigma)) * np.exp(1j * phase)
-    return Movers(np.stack([moving.y_m, ground, height], axis=1), along, amplitude.astype(np.complex64))
+    return Movers(np.stack([moving.x_m, moving.y_m, height], axis=1), velocity, amplitude.astype(np.complex64))
 
 
-def _compressed(signal: NDArray[np.complexfloating[Any, Any]]) -> Complex:
+def _compressed(one: Collection, signal: NDArray[np.complexfloating[Any, Any]]) -> Complex:
     """Range profiles, in which a point has the amplitude of its echo; shape (pulses, gates)."""
-    spectrum = np.fft.ifftshift(signal * _weights(signal.shape[1]), axes=1)
+    spectrum = np.fft.ifftshift(signal * one.weights / one.weights.sum(), axes=1)
     return np.asarray(np.fft.fftshift(np.fft.ifft(spectrum, axis=1, norm="forward"), axes=1))
-
-
-def _weights(samples: int) -> Array:
-    """Taylor's weights of the frequencies, of sum 1."""
-    weights = taylor_weights((np.arange(samples) + 0.5) / samples - 0.5)
-    return np.asarray(weights / weights.sum())
 
 
 def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int) -> Iterator[Dwell]:
@@ -206,12 +159,12 @@ def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int)
     """
     interval = interval_of(case, one)
     standing = scene if scene.objects is None else replace(scene, objects=scene.objects.some(~scene.objects.moving))
-    length, width = scene.material.shape[0] * scene.cell_m, one.range_m * one.wavelength_m / one.antenna_m / 2.0
+    length, width = scene.material.shape[0] * scene.cell_m, 0.5 * one.range_m * one.null
     count = max(1, round(length / width))
     pulse, channel = (np.ravel(each) for each in np.indices((interval.pulses, interval.channels)))
     seconds = pulse / interval.prf_hz
     along = seconds * interval.speed_mps + 0.5 * interval.spacing_m * channel  # phase centre of both ways
-    noise = one.noise_m2 * float(np.sum(_weights(one.samples) ** 2))
+    noise = one.noise_m2 * float(np.sum((one.weights / one.weights.sum()) ** 2))
     gate = np.arange(one.samples) - one.samples // 2
     for scan in range(case.gmti.scans):
         found = scatterers(case, standing, derived_seed(seed, "gmti", scan) if scan else seed, scene.cell_m)
@@ -220,13 +173,13 @@ def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int)
             antenna, reference = np.tile(one.track_m[0], (along.size, 1)), np.tile(one.reference_m[0], (along.size, 1))
             antenna[:, 0] = reference[:, 0] = first + along
             each = replace(one, track_m=antenna, reference_m=reference, prf_hz=interval.prf_hz)
-            distance = each.distance_m[0] + gate * LIGHT_MPS / (2.0 * one.samples * one.step_hz)
+            distance = each.distance_m[0] + gate * one.gate_m
             rng = derived_rng(seed, "gmti", "noise", number, *[scan] * (scan > 0))
             drawn = rng.standard_normal((2, along.size, one.samples)) * np.sqrt(0.5 * one.noise_m2)
             ground, moved = echoes(each, found, 0, along.size) + (drawn[0] + 1j * drawn[1]), []
             for k in range(interval.pulses):
                 t = scan * case.gmti.revisit_s + (k - 0.5 * (interval.pulses - 1)) / interval.prf_hz
-                now = Scatterers.sorted(movers.place_m + t * movers.velocity_mps, movers.amplitude)
+                now = Scatterers.sorted(one.of_grid(movers.after(t)), movers.amplitude)
                 moved.append(echoes(each, now, k * interval.channels, (k + 1) * interval.channels))
-            ground, moving = (_compressed(signal) for signal in (ground, np.concatenate(moved)))
+            ground, moving = (_compressed(one, signal) for signal in (ground, np.concatenate(moved)))
             yield Dwell(number + 1, scan + 1, antenna.mean(axis=0), distance, noise, ground, moving)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,13 +11,15 @@ from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.gmti.adaptive import Complex, Interval, covariance, kelly, kelly_threshold, least_velocity_mps
-from radcal.gmti.channels import Dwell, Sides
+from radcal.gmti.channels import Dwell
 from radcal.scene.model import Scene
-from radcal.signals.platform import Collection, pattern
+from radcal.signals.platform import Collection
 
 Array = NDArray[np.floating[Any]]
 
 _COUNTED = 8  # one gate in so many counts the false alarms without movers
+HALF_BEAM = 0.4
+"""Half of the width of the beam that is searched, as a share of the sine of its null."""
 GUARD = 2
 """Gates on either side of a detection that report nothing else."""
 _DIRECTIONS, _FINER = 5, 9  # directions across the beam; points of the finer grid around a detection
@@ -105,7 +108,7 @@ def detections(
     alarms : float
         Share of the tests that exceed the threshold without movers.
     """
-    half = 0.4 * one.wavelength_m / one.antenna_m  # of the beam
+    half = HALF_BEAM * one.null
     fastest = 0.25 * one.wavelength_m * interval.prf_hz
     directions = np.linspace(-half, half, _DIRECTIONS)
     velocities = np.linspace(-fastest, fastest, 2 * interval.pulses, endpoint=False)
@@ -129,24 +132,21 @@ def detections(
         u, v = sine[coarse] + du, speed[coarse] + dv
         finer = kelly(echoes[:, gate : gate + 1], sums[gate], interval.steering(u, v))[0]
         k = int(finer.argmax())
-        place = _place(scene, case, one, dwell.antenna_m, dwell.range_m[gate], u[k])
+        place = _place(scene, one, dwell.antenna_m, dwell.range_m[gate], u[k])
         reports.append(
             Report(*place, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), dwell.number, dwell.scan)
         )
     return reports, float((alone > least).mean())
 
 
-def _place(
-    scene: Scene, case: Part, one: Collection, antenna_m: Array, range_m: float, sine: float
-) -> tuple[float, float, float]:
+def _place(scene: Scene, one: Collection, antenna_m: Array, range_m: float, sine: float) -> tuple[float, float, float]:
     """Place in the scene's grid of a slant range and direction, on the ground, and its elevation [m]."""
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
     (ny, nx), cell = scene.material.shape, scene.cell_m
-    height, north = float(scene.elevation_m.mean()), float(antenna_m[0] + range_m * sine)
-    east, sides = 0.0, Sides.of(case, scene, one)
+    height, north, east = float(scene.elevation_m.mean()), float(antenna_m[0] + range_m * sine), 0.0
     for _ in range(5):  # the height at the place changes the place
         square = range_m**2 * (1.0 - sine**2) - (antenna_m[2] - height) ** 2
-        east = float(sides.east_m(np.sqrt(max(square, 0.0))))
+        east = one.nadir_m + one.side * math.sqrt(max(square, 0.0))
         row, column = (int(np.clip(at / cell, 0, n - 1)) for at, n in ((north, ny), (east, nx)))
         height = float(scene.elevation_m[row, column])
     return east, north, height
@@ -154,7 +154,7 @@ def _place(
 
 def least_velocity(dwell: Dwell, interval: Interval, one: Collection) -> float:
     """Velocity of 5 dB of loss for the covariance of clutter of the mean power of a dwell's echoes [m/s]."""
-    sine = np.linspace(-1.0, 1.0, 401) * interval.wavelength_m / one.antenna_m
-    power = pattern(sine, one.antenna_m, interval.wavelength_m) ** 2
+    sine = np.linspace(-1.0, 1.0, 401) * one.null
+    power = one.pattern(sine) ** 2
     ratio = max(float(np.mean(np.abs(dwell.ground) ** 2)) / dwell.noise_m2 - 1.0, 0.0)
     return least_velocity_mps(interval, covariance(interval, sine, ratio * power / power.sum()))

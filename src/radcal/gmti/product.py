@@ -17,13 +17,15 @@ from radcal.errors import ConfigError
 from radcal.figures.drawing import HIDDEN, new_canvas, styled
 from radcal.findings import Finding
 from radcal.gmti.adaptive import Interval, dpca, kelly_threshold
-from radcal.gmti.channels import Movers, Sides, dwells, interval_of, movers_of
-from radcal.gmti.detection import GUARD, Report, detections, least_velocity
+from radcal.gmti.channels import Movers, dwells, interval_of, movers_of
+from radcal.gmti.detection import GUARD, HALF_BEAM, Report, detections, least_velocity
 from radcal.gmti.stanag import write_stanag
 from radcal.gmti.tracks import Track, tracked
 from radcal.processes import one_thread
+from radcal.scene.crs import longitude_latitude
 from radcal.scene.model import Scene
-from radcal.signals.platform import LIGHT_MPS, Collection, collection
+from radcal.sections.ppi import Gmti
+from radcal.signals.platform import Collection, collection
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
@@ -38,9 +40,8 @@ def check(case: Part, scene: Scene) -> None:
     """Raise the errors of collection and processing interval, and of routes that leave the scene, before any work."""
     one = collection(case, scene)
     interval_of(case, one)
-    seconds, size = case.gmti.revisit_s * (case.gmti.scans - 1), np.array(scene.material.shape) * scene.cell_m
-    ends = movers_of(case, scene, one).after(seconds).place_m[:, :2]
-    ends[:, 1] = Sides.of(case, scene, one).east_m(ends[:, 1])
+    seconds, size = case.gmti.revisit_s * (case.gmti.scans - 1), np.array(scene.material.shape[::-1]) * scene.cell_m
+    ends = movers_of(case, scene).after(seconds)[:, :2]
     if left := int(((ends < 0.0) | (ends > size)).any(axis=1).sum()):
         raise ConfigError(
             f"gmti.scans is {case.gmti.scans}: {left} of {len(ends)} movers leave the scene within {seconds:g} s, "
@@ -65,7 +66,7 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     """
     case, scene, config = made.case, made.scene, made.case.gmti
     one = collection(case, scene)
-    interval, movers = interval_of(case, one), movers_of(case, scene, one)
+    interval, movers = interval_of(case, one), movers_of(case, scene)
     reports, alarms, slowest, antennas = list[Report](), list[float](), list[float](), dict[int, Array]()
     left = list[float]()  # share of the ground's power that the differences of displaced phase centres leave
     for dwell in dwells(case, scene, one, movers, made.seed):
@@ -78,32 +79,32 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
         antennas[dwell.number] = dwell.antenna_m
         alarms.append(share)
     paths = [stem.with_suffix(".geojson"), stem.with_suffix(".png")]
-    _write_geojson(paths[0], "Point", [(asdict(each), [(each.east_m, each.north_m)]) for each in reports], made)
-    seen = [(np.array([(r.scan - 1) * config.revisit_s]), np.array([[r.east_m, r.north_m]])) for r in reports]
+    places = [np.array([each.east_m, each.north_m]) for each in reports]
+    _write_geojson(paths[0], [*zip(map(asdict, reports), places, strict=True)], made)
+    seen = [(np.array([(r.scan - 1) * config.revisit_s]), at[None]) for r, at in zip(reports, places, strict=True)]
     numbers = {
-        **_agreement("reports", seen, movers, made, one),
+        **_agreement("reports", seen, movers, config),
         "asked": config.false_alarms,
         "alarms": float(np.mean(alarms)),
         "least_mps": float(np.median(slowest)),
         "dpca_db": float(10.0 * np.log10(np.mean(left))),
     }
     found, tracks = list[Path | Finding]([Finding("gmti_detections", "note", "gmti", numbers)]), list[Track]()
-    half = 0.4 * one.wavelength_m / one.antenna_m
     found += _missing("STANAG 4607", "stanag4607", "stanag") or write_stanag(
-        stem.with_suffix(".4607"), made, one, reports, antennas, half
+        stem.with_suffix(".4607"), made, one, reports, antennas
     )
     missing = _missing("tracks", "stonesoup", "tracking") if config.scans > 1 else []
     if config.scans > 1 and not missing:
         tracks = _tracks(reports, interval, made, one)
         lines = [(each.seconds, each.place_m) for each in tracks]
         features = [
-            ({"track": k, **{name: value.tolist() for name, value in vars(each).items()}}, each.place_m.tolist())
+            ({"track": k, **{name: value.tolist() for name, value in vars(each).items()}}, each.place_m)
             for k, each in enumerate(tracks, start=1)
         ]
         paths.append(stem.with_name(f"{stem.name}_tracks.geojson"))
-        _write_geojson(paths[-1], "LineString", features, made)
-        found.append(Finding("gmti_tracks", "note", "gmti", _agreement("tracks", lines, movers, made, one)))
-    _write_picture(paths[1], reports, tracks, movers, made, one)
+        _write_geojson(paths[-1], features, made)
+        found.append(Finding("gmti_tracks", "note", "gmti", _agreement("tracks", lines, movers, config)))
+    _write_picture(paths[1], reports, tracks, movers, made)
     return [*paths, *found, *missing]
 
 
@@ -121,8 +122,8 @@ def _tracks(reports: Sequence[Report], interval: Interval, made: Forward, one: C
     divided by 1.6 sqrt(2 SNR), for a detection at the threshold (Barton and Ward, "Handbook of Radar Measurement",
     1969).
     """
-    config, sides = made.case.gmti, Sides.of(made.case, made.scene, one)
-    gate, beam = LIGHT_MPS / (2.0 * one.samples * one.step_hz), 0.8 * one.range_m * one.wavelength_m / one.antenna_m
+    config = made.case.gmti
+    gate, beam = one.gate_m, 2.0 * HALF_BEAM * one.range_m * one.null
     slow = 0.5 * interval.wavelength_m * interval.prf_hz / interval.pulses
     plots = list[tuple[float, Array]]()
     for scan in range(config.scans):
@@ -135,9 +136,7 @@ def _tracks(reports: Sequence[Report], interval: Interval, made: Forward, one: C
                 for other in kept
             ):  # neighbouring dwells see a mover, too
                 kept.append(each)
-        rows = [
-            (r.east_m, -sides.sign * r.velocity_mps * r.range_m / sides.ground_m(r.east_m), r.north_m) for r in kept
-        ]
+        rows = [(r.east_m, -r.velocity_mps * r.range_m / (r.east_m - one.nadir_m), r.north_m) for r in kept]
         plots.append((scan * config.revisit_s, np.array(rows).reshape(-1, 3)))
     steep, eta = (
         one.range_m / one.reference_m[0, 1],
@@ -147,23 +146,16 @@ def _tracks(reports: Sequence[Report], interval: Interval, made: Forward, one: C
     return tracked(plots, [0.25 * steep * gate, 0.25 * steep * slow, beam / (1.6 * np.sqrt(2.0 * snr))])
 
 
-def _on_map(movers: Movers, seconds: float, made: Forward, one: Collection) -> Array:
-    """Places of the movers to the east and to the north after some seconds, shape (n, 2) [m]."""
-    now = movers.after(seconds).place_m
-    return np.stack([Sides.of(made.case, made.scene, one).east_m(now[:, 1]), now[:, 0]], axis=1)
-
-
-def _agreement(what: str, lines: Sequence[_Line], movers: Movers, made: Forward, one: Collection) -> dict[str, float]:
+def _agreement(what: str, lines: Sequence[_Line], movers: Movers, config: Gmti) -> dict[str, float]:
     """Number of movers near a line in half of the scans or more, and of lines near a mover in half of theirs.
 
     A line is a detection or a track. The rms error is that of the places near a mover.
     """
-    config = made.case.gmti
     met, right, squares = np.zeros((len(movers.amplitude), config.scans), np.bool_), 0, list[float]()
     for seconds, places in lines:
         near = 0
         for second, place in zip(seconds, places, strict=True):
-            away = np.linalg.norm(_on_map(movers, second, made, one) - place, axis=1)
+            away = np.linalg.norm(movers.after(second)[:, :2] - place, axis=1)
             met[:, round(float(second) / config.revisit_s)] |= away < _NEAR_M
             near += bool((away < _NEAR_M).any())
             squares += [float(away.min() ** 2)] if (away < _NEAR_M).any() else []
@@ -178,36 +170,30 @@ def _agreement(what: str, lines: Sequence[_Line], movers: Movers, made: Forward,
     }
 
 
-def _write_geojson(
-    path: Path, kind: str, features: Sequence[tuple[dict[str, Any], Sequence[Sequence[float]]]], made: Forward
-) -> None:
-    """Write properties and places as GeoJSON (RFC 7946), in longitude and latitude if the scene is on the map."""
-    scene, geometries = made.scene, list[Any]([None] * len(features))
-    if scene.crs is not None and scene.transform is not None:
-        from radcal.scene.crs import transformer
+def _write_geojson(path: Path, features: Sequence[tuple[dict[str, Any], Array]], made: Forward) -> None:
+    """Write properties and places, one (2,) or several (n, 2), as GeoJSON (RFC 7946).
 
-        (a, b, c, d, e, f), onto = scene.transform, transformer(scene.crs, "OGC:CRS84")
-        for k, (_, places) in enumerate(features):
-            column, row = np.array(places).T / scene.cell_m
-            ends = onto.transform(a * column + b * row + c, d * column + e * row + f)
-            line = np.stack(ends, axis=1).tolist()
-            geometries[k] = {"type": kind, "coordinates": line[0] if kind == "Point" else line}
-    written = [
-        {"type": "Feature", "geometry": geometry, "properties": properties}
-        for geometry, (properties, _) in zip(geometries, features, strict=True)
-    ]
+    Features have a geometry, in longitude and latitude, if the scene is on the map.
+    """
+    written = []
+    for properties, place_m in features:
+        geometry = None
+        if (at := longitude_latitude(made.scene, *place_m.T)) is not None:
+            kind = "Point" if place_m.ndim == 1 else "LineString"
+            geometry = {"type": kind, "coordinates": np.stack(at, axis=-1).tolist()}
+        written.append({"type": "Feature", "geometry": geometry, "properties": properties})
     with atomic(path) as partial:
         found = {"type": "FeatureCollection", "case": made.case.case, "run": made.key, "features": written}
         partial.write_text(json.dumps(found, indent=1), encoding="utf-8")
 
 
 def _write_picture(
-    path: Path, reports: Sequence[Report], tracks: Sequence[Track], movers: Movers, made: Forward, one: Collection
+    path: Path, reports: Sequence[Report], tracks: Sequence[Track], movers: Movers, made: Forward
 ) -> None:
     """Write a map of detections and tracks over the materials, with the first and last places of the movers' paths."""
     scene, shown_s = made.scene, max(_SHOWN_S, made.case.gmti.revisit_s * (made.case.gmti.scans - 1))
-    (ny, nx), ends_m = scene.material.shape, [_on_map(movers, seconds, made, one) for seconds in (0.0, shown_s)]
-    east_m, north_m = np.moveaxis(np.array(ends_m), 2, 0)
+    (ny, nx), ends_m = scene.material.shape, [movers.after(seconds) for seconds in (0.0, shown_s)]
+    east_m, north_m, _ = np.moveaxis(np.array(ends_m), 2, 0)
     with styled():
         canvas = new_canvas(7.0, 6.4)
         plan = canvas.subplots()

@@ -8,6 +8,7 @@ AEDP-4607, "NATO ground moving target indicator format (GMTIF)", edition A, vers
 from __future__ import annotations
 
 import itertools
+import struct
 from collections.abc import Mapping, Sequence
 from datetime import timedelta
 from pathlib import Path
@@ -18,8 +19,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
 from radcal.findings import Finding
-from radcal.gmti.channels import Sides
-from radcal.gmti.detection import Report
+from radcal.gmti.detection import HALF_BEAM, Report
 from radcal.signals.places import site_of, start_utc
 from radcal.signals.platform import Collection
 from radcal.simulators.forward import Forward
@@ -28,6 +28,13 @@ from radcal.storage.files import atomic
 _UNKNOWN = 0xFFFF  # 16-bit values of the job that are not given
 _KM = 128.0 / 1e3  # B16: fixed point with 7 bits below the kilometre
 _JOB = 1
+_SIGNED = (-0x8000, 0x7FFF)  # signed 16-bit values: velocities, positive away from the radar
+# fields of a dwell, 2 to 9, 15 to 17 and 24 to 27, and of each of its targets, 1 to 3 and 6 to 8
+_FIELDS, _TARGET = struct.Struct(">HHBHIiIiHIBiIHH"), struct.Struct(">HiIhhH")
+_MASK = (
+    sum(1 << (65 - field) for field in (*range(2, 10), *range(15, 18), *range(24, 28)))
+    + sum(1 << (34 - field) for field in (1, 2, 3, 6, 7, 8))
+).to_bytes(8, "big")
 
 Array = NDArray[np.floating[Any]]
 
@@ -38,7 +45,6 @@ def write_stanag(
     one: Collection,
     reports: Sequence[Report],
     antennas: Mapping[int, Array],
-    half_rad: float,
 ) -> list[Path | Finding]:
     """Write the detections of all dwells.
 
@@ -54,8 +60,6 @@ def write_stanag(
         Detections.
     antennas : mapping of int to ndarray, shape (3,)
         Place of the antenna in each dwell of a scan [m].
-    half_rad : float
-        Half of the beam's width along the track [rad].
 
     Returns
     -------
@@ -67,7 +71,8 @@ def write_stanag(
     except ConfigError as error:
         return [Finding("file_left_out", "note", "STANAG 4607", {"why": str(error)})]
     from sarkit import wgs84
-    from stanag4607 import BinaryAngle, JobDefinitionSegment, MissionSegment, SignedBinaryAngle
+    from stanag4607 import DWELL_SEGMENT_TYPE, BinaryAngle, JobDefinitionSegment, MissionSegment, SignedBinaryAngle
+    from stanag4607.packet import Segment
 
     def placed(place_m: Array) -> Array:
         return np.asarray(wgs84.cartesian_to_geodetic(site.ecf(np.atleast_2d(place_m))))
@@ -93,48 +98,29 @@ def write_stanag(
     # velocities that differ by it have the same Doppler frequency [cm/s]
     wrap = min(round(50.0 * one.wavelength_m * made.case.gmti.prf_hz), _UNKNOWN)
     packets = [_packet([mission.to_segment(), job.to_segment()], 0)]
-    middle_m, sides, config = site.middle_m.copy(), Sides.of(made.case, made.scene, one), made.case.gmti
+    middle_m, config = site.middle_m.copy(), made.case.gmti
     for scan, (number, antenna) in itertools.product(range(1, config.scans + 1), antennas.items()):
         own = [each for each in reports if (each.scan, each.dwell) == (scan, number)]
-        places = np.array([(each.north_m, sides.ground_m(each.east_m), each.height_m) for each in own])
+        places = one.of_grid(np.array([(each.east_m, each.north_m, each.height_m) for each in own]).reshape(-1, 3))
         seconds = float((antenna[0] - one.track_m[0, 0]) / one.speed_mps) + (scan - 1) * config.revisit_s
         midnight = (began + timedelta(seconds=seconds) - began.replace(hour=0, minute=0, second=0)).total_seconds()
         middle_m[0] = antenna[0]
         (lat, lon, high), (far_lat, far_lon, _) = placed(antenna)[0], placed(middle_m)[0]
-        fields = {
-            2: (scan, 2), 3: (number, 2), 4: (int(number == len(antennas)), 1), 5: (len(own), 2),
-            6: (round(1e3 * midnight), 4), 7: (latitude(lat), 4), 8: (longitude(lon), 4), 9: (round(100.0 * high), 4),
-            15: (longitude(made.case.radar.heading_deg, 16), 2), 16: (round(1e3 * one.speed_mps), 4), 17: (0, 1),
-            24: (latitude(far_lat), 4), 25: (longitude(far_lon), 4), 26: (round(half[1] * _KM), 2),
-            27: (longitude(np.degrees(half_rad), 16), 2),
-        }  # fmt: skip
+        fields = (
+            scan, number, int(number == len(antennas)), len(own), round(1e3 * midnight),
+            latitude(lat), longitude(lon), round(100.0 * high), longitude(made.case.radar.heading_deg, 16),
+            round(1e3 * one.speed_mps), 0, latitude(far_lat), longitude(far_lon), round(half[1] * _KM),
+            longitude(np.degrees(HALF_BEAM * one.null), 16),
+        )  # fmt: skip
         targets = [
-            {
-                1: (k, 2),
-                2: (latitude(a), 4),
-                3: (longitude(b), 4),
-                6: (round(c), 2),
-                7: (round(-100.0 * each.velocity_mps), 2),  # positive away from the radar
-                8: (wrap, 2),
-            }
-            for k, ((a, b, c), each) in enumerate(zip(placed(places).tolist() if own else [], own, strict=True))
+            (k, latitude(a), longitude(b), round(c), round(np.clip(-100.0 * each.velocity_mps, *_SIGNED)), wrap)
+            for k, ((a, b, c), each) in enumerate(zip(placed(places).tolist(), own, strict=True))
         ]
-        packets.append(_packet([_dwell(fields, targets)], _JOB))
+        payload = b"".join([_MASK, _FIELDS.pack(*fields), *(_TARGET.pack(*target) for target in targets)])
+        packets.append(_packet([Segment(DWELL_SEGMENT_TYPE, payload)], _JOB))
     with atomic(path) as partial:
         partial.write_bytes(b"".join(packet.to_bytes() for packet in packets))
     return [path]
-
-
-def _dwell(fields: Mapping[int, tuple[int, int]], targets: Sequence[Mapping[int, tuple[int, int]]]) -> Any:
-    """Dwell segment of the numbers of fields, with their sizes in bytes, and those of its targets."""
-    from stanag4607 import DWELL_SEGMENT_TYPE
-    from stanag4607.packet import Segment
-
-    of_targets = (1, 2, 3, 6, 7, 8)  # all targets of a dwell have the same fields, also if there are none
-    mask = sum(1 << (65 - field) for field in fields) + sum(1 << (34 - field) for field in of_targets)
-    each = [number for row in (fields, *targets) for number in row.values()]
-    payload = b"".join((value % 256**size).to_bytes(size, "big") for value, size in each)
-    return Segment(DWELL_SEGMENT_TYPE, mask.to_bytes(8, "big") + payload)
 
 
 def _packet(segments: Sequence[Any], job: int) -> Any:

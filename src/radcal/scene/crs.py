@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
     from pyproj import CRS, Transformer
 
+    from radcal.scene.model import Scene
 
 METRES = ("m", "metre", "metres", "meter", "meters")
 # keys of a raster's metadata that hold the unit of its heights, letters alone: "Vertical Units", ELEVATION_UNITS (PCI)
@@ -104,6 +105,31 @@ def transformer(source: CRS | str, target: CRS | str) -> Transformer:
         raise SceneError(
             f"scene: coordinates in {names[0]} cannot be converted to {names[1]}, expected CRSs of the earth."
         ) from None
+
+
+def longitude_latitude(scene: Scene, x_m: Any, y_m: Any) -> tuple[Any, Any] | None:
+    """Longitude and latitude of places to the east and to the north of the corner of a scene's grid [deg].
+
+    Parameters
+    ----------
+    scene : Scene
+        Scene.
+    x_m, y_m : float or ndarray
+        Places along axes 1 and 0 of the grid [m].
+
+    Returns
+    -------
+    tuple of two float or ndarray, or None
+        None for a scene without a place on the map.
+    """
+    if scene.crs is None or scene.transform is None:
+        return None
+    a, b, c, d, e, f = scene.transform
+    column, row = x_m / scene.cell_m, y_m / scene.cell_m
+    found: tuple[Any, Any] = transformer(scene.crs, "EPSG:4326").transform(
+        a * column + b * row + c, d * column + e * row + f
+    )
+    return found
 
 
 @functools.lru_cache(maxsize=64)

@@ -17,10 +17,9 @@ from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.scene.model import Scene
-from radcal.signals.history import BLOCK, quantised
+from radcal.signals.history import BLOCK, Pulses, quantised, signal_of
 from radcal.signals.places import Site, origin, site_of, start_utc
 from radcal.signals.platform import LIGHT_MPS, Collection, collection, tangent
-from radcal.signals.record import Pulses, signal_of
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 

@@ -16,14 +16,12 @@ from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
-from radcal.signals.history import BEAM, BLOCK, TAPS, beam_table, cell_before, converted, grid_kernel, turned
+from radcal.signals.history import BLOCK, TAPS, Pulses, cell_before, converted, grid_kernel, kept, signal_of, turned
 from radcal.signals.places import image_places
-from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, collection
-from radcal.signals.record import Pulses, kept, signal_of
+from radcal.signals.platform import BEAM, LIGHT_MPS, Collection, azimuth_weights, collection
 from radcal.signals.sicd import write_sicd
 from radcal.signals.wavenumber import check_omega_k, omega_k
 from radcal.simulators.forward import Flown, Forward, write_complex
-from radcal.speckle.response import taylor_weights
 from radcal.storage.files import atomic
 
 _ALONG_THE_GROUND = ("sigma0_local", "gamma0_rtc")
@@ -48,9 +46,8 @@ def range_profiles(one: Collection, signal: NDArray[np.complex64]) -> NDArray[np
     """
     _, transform = grid_kernel(one.samples)
     frequency = np.arange(one.samples) - one.samples // 2
-    weights = taylor_weights((frequency + 0.5 * (one.samples % 2 == 0)) / one.samples)
     grid = np.zeros((len(signal), transform.size), np.complex64)
-    grid[:, frequency] = signal * (weights / weights.sum() / transform[frequency]).astype(np.float32)
+    grid[:, frequency] = signal * (one.weights / one.weights.sum() / transform[frequency]).astype(np.float32)
     profiles = scipy.fft.ifft(grid, axis=1, norm="forward", overwrite_x=True)
     return np.concatenate([profiles, profiles[:, :TAPS]], axis=1)
 
@@ -114,7 +111,6 @@ def backprojected(
         Amplitude: a point scatterer has at its place its own amplitude, with its phase [m].
     """
     weights, _ = azimuth_weights(one)
-    beam, widest = beam_table(one)
     table, transform = grid_kernel(one.samples)
     place_m = np.ascontiguousarray(place_m)
     sums, total = np.zeros((one.looks, len(place_m)), np.complex128), np.zeros((one.looks, len(place_m)))
@@ -129,8 +125,8 @@ def backprojected(
         profiles = range_profiles(one, converted(signal[some], one.bits))
         _backproject(
             len(place_m), profiles, table, place_m, low, high, one.track_m[some], one.aim[some], one.distance_m[some],
-            one.range_m, turns[some], cells[some], one.spot_m is not None, one.sines, one.middle_sine, weights, beam,
-            widest, sums, total,
+            one.range_m, turns[some], cells[some], one.spot_m is not None, one.sines, one.middle_sine, weights,
+            one.beam, one.null, sums, total,
         )  # fmt: skip
     return np.asarray(np.divide(sums, total, out=np.zeros_like(sums), where=total > 0.0), np.complex64)
 
@@ -160,9 +156,7 @@ def cell_area_m2(one: Collection, flat_incidence_deg: NDArray[np.float64]) -> ND
         Mean power of a look of ground with a sigma0 of 1.
     """
     weights, _ = azimuth_weights(one)
-    bandwidth = one.samples * one.step_hz
-    down = np.mean(taylor_weights((np.arange(one.samples) + 0.5) / one.samples - 0.5) ** 2)
-    energy = down * LIGHT_MPS / (2.0 * bandwidth) * np.mean(weights**2) * one.looks / one.band
+    energy = np.mean(one.weights**2) * one.gate_m * np.mean(weights**2) * one.looks / one.band
     energy *= math.sqrt(1.0 - one.middle_sine**2)  # range and azimuth are not at right angles
     return np.asarray(energy / np.sin(np.radians(flat_incidence_deg)))
 

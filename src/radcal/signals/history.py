@@ -1,5 +1,7 @@
 """Phase history: the echo of all scatterers at each pulse and frequency, with noise, as a converter writes it.
 
+It is made in blocks of pulses, which are kept as files until a product is finished.
+
 The sum over scatterers of a exp(-4 pi i f (R - R_0) / c) at all frequencies f of a pulse is a Fourier transform of
 impulses at uneven ranges R. Each impulse is spread by a short kernel over the cells of an even grid of twice the number
 of frequencies; one FFT gives all frequencies, and the transform of the kernel is divided out.
@@ -12,18 +14,26 @@ semicircle' kernel", SIAM J. Sci. Comput. 41 (2019).
 
 from __future__ import annotations
 
+import contextlib
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cache
-from typing import Any
+from pathlib import Path
+from typing import Any, Protocol
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from radcal.compiled import njit, threaded
+from radcal.errors import DamagedError
 from radcal.seeds import derived_seed
-from radcal.signals.platform import LIGHT_MPS, Collection, pattern
-from radcal.signals.scatterers import Scatterers
-from radcal.speckle.gaussian import gaussian_row, seed_words
+from radcal.signals.platform import BEAM, LIGHT_MPS, Collection, collection
+from radcal.signals.scatterers import Scatterers, circular, scatterers
+from radcal.simulators.forward import Forward
+from radcal.storage.files import digest
+from radcal.storage.records import read_hdf5, write_hdf5
 
 TAPS = 6
 """Cells of the grid over which an impulse is spread; the error of the sum is then below 1e-5 of its rms."""
@@ -32,8 +42,6 @@ _SHAPE = 2.30 * TAPS  # of the kernel, for a grid of twice the number of frequen
 BLOCK = 64
 """Pulses at once: the same for any number of threads, so that all sums have the same bits."""
 _LOAD = 5.0  # full scale of the converter, in rms of I or Q: 6e-7 of the values of a Gaussian signal are clipped
-BEAM = 4096
-"""Intervals of the table of the beam, from null to null."""
 
 _F = np.float32
 # sin and cos of up to an eighth of a turn (Moshier, Cephes library, single precision, 1992)
@@ -126,14 +134,6 @@ def _spread(
                 line[below + j, 1] += tap * imaginary
 
 
-def beam_table(one: Collection) -> tuple[NDArray[np.float32], float]:
-    """Two-way amplitude of the beam at even sines around its middle, from null to null, and the sine of its null."""
-    widest = one.wavelength_m / one.antenna_m
-    return pattern(np.linspace(-1.0, 1.0, BEAM + 1) * widest, one.antenna_m, one.wavelength_m).astype(
-        np.float32
-    ), widest
-
-
 def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray[np.complex64]:
     """Echoes of the scatterers at some pulses, without noise.
 
@@ -154,17 +154,17 @@ def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray
     """
     table, transform = grid_kernel(one.samples)
     pulses, n = slice(first, last), transform.size
-    track, (beam, widest) = one.track_m[pulses], beam_table(one)
+    track = one.track_m[pulses]
     across = np.abs(found.place_m[:, 1:] - one.track_m[0, 1:]) if len(found.place_m) else np.zeros((1, 2))
     away = (0.99 * float(np.hypot(*across.min(axis=0))), 1.01 * float(np.hypot(*across.max(axis=0))))
-    behind, ahead = one.places_m(*away, 2.0 * widest)
+    behind, ahead = one.places_m(*away, 2.0 * one.null)
     grid = np.zeros((last - first, n + TAPS, 2), np.float32)
     _spread(
         last - first, found.place_m, found.amplitude,
         np.searchsorted(found.place_m[:, 0], track[:, 0] + behind - 1.0),
         np.searchsorted(found.place_m[:, 0], track[:, 0] + ahead + 1.0), track, one.aim[pulses],
-        one.distance_m[pulses], one.range_m, 2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * n, beam,
-        widest, table, grid,
+        one.distance_m[pulses], one.range_m, 2.0 * one.carrier_hz / LIGHT_MPS, 2.0 * one.step_hz / LIGHT_MPS * n,
+        one.beam, one.null, table, grid,
     )  # fmt: skip
     grid[:, :TAPS] += grid[:, n:]
     below = one.samples // 2  # frequencies below the middle, which an FFT has at its end
@@ -174,13 +174,9 @@ def echoes(one: Collection, found: Scatterers, first: int, last: int) -> NDArray
 
 def receiver_noise(one: Collection, seed: int, first: int, last: int) -> NDArray[np.complex64]:
     """Thermal noise of some pulses, shape (last - first, samples), by the number of the pulse."""
-    n = one.samples
-    key, place, out = seed_words(derived_seed(seed, "receiver")), np.arange(n, dtype=np.uint32), []
-    words, halves = np.empty((2, n), np.uint32), np.empty((2, n), np.float32)
-    for pulse in range(first, last):
-        gaussian_row(n, place, np.full(n, pulse, np.uint32), np.uint32(0), key, words, halves[0], halves[1])
-        out.append(halves[0] + 1j * halves[1])
-    return np.asarray(np.float32(np.sqrt(one.noise_m2)) * np.array(out), np.complex64)
+    pulse, sample = np.meshgrid(np.arange(first, last), np.arange(one.samples), indexing="ij")
+    noise = circular(sample.ravel(), pulse.ravel(), derived_seed(seed, "receiver")).reshape(sample.shape)
+    return np.asarray(np.float32(np.sqrt(one.noise_m2)) * noise)
 
 
 def quantised(signal: NDArray[np.complex64], bits: int) -> tuple[NDArray[np.int16], NDArray[np.float64]]:
@@ -213,3 +209,91 @@ def converted(signal: NDArray[np.complex64], bits: int | None) -> NDArray[np.com
         return signal
     numbers, scale = quantised(signal, bits)
     return np.asarray((numbers * scale[:, None, None]).astype(np.float32).view(np.complex64)[..., 0])
+
+
+@dataclass(frozen=True)
+class RawSignal:
+    """Raw signal of a collection, of which a slice of pulses is simulated when it is asked for.
+
+    Attributes
+    ----------
+    one : Collection
+        Collection.
+    found : Scatterers
+        Scatterers.
+    seed : int
+        Noise seed.
+    folder : path, optional
+        Folder in which blocks of pulses are kept as files, so that none is simulated twice, also after a kill.
+    """
+
+    one: Collection
+    found: Scatterers
+    seed: int
+    folder: Path | None = None
+
+    def __len__(self) -> int:
+        return len(self.one.track_m)
+
+    def __getitem__(self, pulses: slice) -> NDArray[np.complex64]:
+        first, last, _ = pulses.indices(len(self))
+        blocks = [self._kept(number) for number in range(first // BLOCK, -(-last // BLOCK))]
+        start = first % BLOCK
+        return np.concatenate(blocks)[start : start + last - first]
+
+    def block(self, number: int) -> NDArray[np.complex64]:
+        """Pulses of one block, with noise, before the converter; the bits do not depend on the number of threads."""
+        first, last = number * BLOCK, min((number + 1) * BLOCK, len(self))
+        pulses = echoes(self.one, self.found, first, last)
+        if self.one.noise_m2 > 0.0:
+            pulses += receiver_noise(self.one, self.seed, first, last)
+        return pulses
+
+    def _kept(self, number: int) -> NDArray[np.complex64]:
+        if self.folder is None:
+            return self.block(number)
+        return kept(self.folder / f"pulses-{number}.h5", lambda: self.block(number))
+
+
+class Pulses(Protocol):
+    """Raw signal, in memory or made when a slice of pulses is asked for."""
+
+    def __getitem__(self, pulses: slice, /) -> NDArray[np.complex64]: ...
+
+
+def kept(path: Path, make: Callable[[], NDArray[np.complex64]]) -> NDArray[np.complex64]:
+    """Array of a file, which is made and written first if it is missing or damaged."""
+    if path.exists():
+        with contextlib.suppress(DamagedError), read_hdf5(path, "signal_part") as file:
+            return np.asarray(file["values"][()])
+    made = make()
+    with write_hdf5(path, "signal_part") as file:
+        file["values"] = made
+    return made
+
+
+@contextlib.contextmanager
+def signal_of(stem: Path, made: Forward) -> Iterator[RawSignal]:
+    """Raw signal of a pass, whose files lie beside a product until the product is finished.
+
+    Parameters
+    ----------
+    stem : path
+        Path of the product's files without suffix.
+    made : Forward
+        Forward run of the pass, whose laws and seed are used.
+
+    Yields
+    ------
+    RawSignal
+        Signal, whose folder is named after all that the signal depends on: a later command with the same settings
+        continues a killed one, and a command with others removes its files.
+    """
+    one, start = collection(made.case, made.scene), f".{stem.name}-"
+    described = [made.key, made.seed, made.case.seed, made.case.signals.model_dump(mode="json")]
+    folder = stem.parent / f"{start}{digest(described)}"
+    for former in stem.parent.glob(f"{start}*"):
+        if former != folder:
+            shutil.rmtree(former, ignore_errors=True)
+    yield RawSignal(one, scatterers(made.case, made.scene, made.seed, one.facet_m), made.seed, folder)
+    shutil.rmtree(folder, ignore_errors=True)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.radar.earth import line_of_sight
-from radcal.scene.crs import transformer
+from radcal.scene.crs import longitude_latitude
 from radcal.scene.model import Scene
 from radcal.signals.platform import Collection
 from radcal.simulators.forward import Flown
@@ -65,12 +65,9 @@ def origin(case: Part, scene: Scene) -> tuple[float, float]:
     """Latitude and longitude of the scene's middle [deg]."""
     if case.signals.origin is not None:
         return case.signals.origin
-    if scene.crs is not None and scene.transform is not None:
-        ny, nx = scene.material.shape
-        a, b, c, d, e, f = scene.transform
-        east, north = a * nx / 2 + b * ny / 2 + c, d * nx / 2 + e * ny / 2 + f
-        longitude, latitude = transformer(scene.crs, "EPSG:4326").transform(east, north)
-        return float(latitude), float(longitude)
+    ny, nx = scene.material.shape
+    if (found := longitude_latitude(scene, 0.5 * nx * scene.cell_m, 0.5 * ny * scene.cell_m)) is not None:
+        return float(found[1]), float(found[0])
     if case.scene.source == "builtin":
         return _BUILTIN
     raise ConfigError("signals.origin is missing, expected latitude and longitude: the scene is not on a map.")
@@ -94,5 +91,4 @@ def site_of(case: Part, scene: Scene, one: Collection) -> Site:
     right = np.cos(heading) * east - np.sin(heading) * north
     middle = np.array([0.5 * scene.elevation_m.shape[0] * scene.cell_m, one.reference_m[0, 1], mean])
     azimuth = np.cos(heading) * north + np.sin(heading) * east
-    side = 1.0 if case.radar.look_side == "right" else -1.0
-    return Site(wgs84.geodetic_to_cartesian(llh), azimuth, side * right, wgs84.up(llh), middle)
+    return Site(wgs84.geodetic_to_cartesian(llh), azimuth, one.side * right, wgs84.up(llh), middle)

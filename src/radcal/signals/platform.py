@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import scipy
@@ -21,6 +22,8 @@ from radcal.seeds import derived_rng
 from radcal.speckle.response import taylor_weights
 
 LIGHT_MPS = 299_792_458.0
+BEAM = 4096
+"""Intervals of the table of the beam, from null to null."""
 _NOISE_W_PER_HZ = 1.380649e-23 * 290.0  # thermal noise at the standard temperature of noise figures
 _GUARD = 1.1  # ratio of the pulse rate to the least one, and of the window of slant range to the swath
 _LONGEST = 0.8  # largest place in the beam, from its middle to its null, of what is focused; it is 25 dB down there
@@ -62,6 +65,10 @@ class Collection:
         Sine of the angle from zero Doppler in the middle of the processed band, positive ahead.
     spot_m : ndarray, shape (3,), or None
         Place to which the beam points at all pulses (spotlight); None for a beam of constant direction (stripmap).
+    side : float
+        1 if ground range grows to the east of the scene's grid, -1 if it grows to the west.
+    nadir_m : float
+        Place of the nominal track, to the east of the corner of the scene's grid [m].
     """
 
     track_m: Doubles
@@ -79,6 +86,8 @@ class Collection:
     bits: int | None = None
     middle_sine: float = 0.0
     spot_m: Doubles | None = None
+    side: float = 1.0
+    nadir_m: float = 0.0
 
     @property
     def wavelength_m(self) -> float:
@@ -114,9 +123,43 @@ class Collection:
         return 0.5 * self.band * self.wavelength_m
 
     @property
+    def gate_m(self) -> float:
+        """Slant range from gate to gate, of which there are as many as frequencies [m]."""
+        return LIGHT_MPS / (2.0 * self.samples * self.step_hz)
+
+    @cached_property
+    def weights(self) -> Doubles:
+        """Taylor's weights of the frequencies, of mean 1, shape (samples,)."""
+        return taylor_weights((np.arange(self.samples) + 0.5) / self.samples - 0.5)
+
+    @property
+    def null(self) -> float:
+        """Sine of the angle from the middle of the beam to its null."""
+        return self.wavelength_m / self.antenna_m
+
+    def pattern(self, sine: Doubles) -> Doubles:
+        """Two-way amplitude of a uniformly lit antenna by the sine from its middle; 0 from the null on.
+
+        References
+        ----------
+        Cumming and Wong, "Digital Processing of Synthetic Aperture Radar Data" (2005), section 4.3.
+        """
+        return np.where(np.abs(sine) < self.null, np.sinc(sine / self.null) ** 2, 0.0)
+
+    @property
+    def beam(self) -> NDArray[np.float32]:
+        """The pattern at ``BEAM`` + 1 even sines, from null to null."""
+        return self.pattern(np.linspace(-1.0, 1.0, BEAM + 1) * self.null).astype(np.float32)
+
+    @property
     def facet_m(self) -> float:
         """Largest length of a facet along the track: looks are independent only if they resolve no facet."""
         return min(0.5 * WIDTH_FACTOR * self.looks / self.band, 1.0 / self.band)
+
+    def of_grid(self, place_m: NDArray[np.floating[Any]]) -> Doubles:
+        """Azimuth, ground range and elevation of places to the east and north of the grid's corner, shape (n, 3)."""
+        east, north, up = place_m.T
+        return np.stack([north, self.side * (east - self.nadir_m), up], axis=1)
 
     def pulses(self, first: int, last: int) -> Collection:
         """Collection of the pulses from ``first`` to ``last - 1`` alone."""
@@ -148,17 +191,6 @@ def tangent(sine: float) -> float:
     return sine / math.sqrt(1.0 - sine**2)
 
 
-def pattern(sine: Doubles, antenna_m: float, wavelength_m: float) -> Doubles:
-    """Two-way amplitude of a uniformly lit antenna, by the sine of the angle from zero Doppler; 0 beyond the main lobe.
-
-    References
-    ----------
-    Cumming and Wong, "Digital Processing of Synthetic Aperture Radar Data" (2005), section 4.3.
-    """
-    places = np.asarray(sine) * antenna_m / wavelength_m
-    return np.where(np.abs(places) < 1.0, np.sinc(places) ** 2, 0.0)
-
-
 def carrier_hz(radar: Radar) -> float:
     """Carrier frequency of a pass: ``radar.frequency_ghz``, by default the middle of its band."""
     if radar.frequency_ghz is not None:
@@ -185,7 +217,7 @@ def azimuth_weights(one: Collection) -> tuple[Doubles, Doubles]:
     place = (np.arange(_PARTS) + 0.5) / _PARTS
     beam = np.ones(_PARTS)
     if one.spot_m is None:
-        beam = pattern((place - 0.5) * one.sines, one.antenna_m, one.wavelength_m)
+        beam = one.pattern((place - 0.5) * one.sines)
     return taylor_weights(place * one.looks % 1.0 - 0.5), beam
 
 
@@ -262,9 +294,11 @@ def collection(case: Part, scene: Scene) -> Collection:
     bandwidth = 0.5 * LIGHT_MPS * WIDTH_FACTOR / radar.range_resolution_m
     samples = math.ceil(4.0 * around * bandwidth / LIGHT_MPS)
     middle = ground.middle_m / cosine
+    side = 1.0 if radar.look_side == "right" else -1.0
+    nadir = 0.5 * scene.material.shape[1] * scene.cell_m - side * ground.across_m
     one = Collection(
         track, reference, prf, signals.speed_mps, carrier, bandwidth / samples, samples, antenna, band, looks, middle,
-        1.0, signals.bits, squint, reference[0] if spotlight else None,
+        1.0, signals.bits, squint, reference[0] if spotlight else None, side, nadir,
     )  # fmt: skip
     if signals.power_w is None:
         incidence = 90.0 - radar.depression_deg

@@ -127,7 +127,7 @@ def _divided(
     part = np.arange(whole.size) - np.repeat(np.cumsum(parts) - parts, parts)
     share = ((part + 0.5) / parts[whole]).astype(np.float32)
     slant = (near[whole] + share * (far - near)[whole]).astype(np.float64)
-    drawn = _drawn(number[whole], part.astype(np.uint32), key)
+    drawn = circular(number[whole], part, key)
     drawn *= np.sqrt(power[whole] / parts[whole].astype(np.float32))
     return whole, slant, drawn
 
@@ -140,14 +140,15 @@ def _places(
     return np.stack([azimuth_m, ground, height_m], axis=1)
 
 
-def _drawn(number: NDArray[np.uint32], part: NDArray[np.uint32], seed: int) -> NDArray[np.complex64]:
-    """Circular Gaussian amplitudes of unit mean power of the parts of scatterers, by the scatterer's number."""
+def circular(number: NDArray[Any], part: NDArray[Any], seed: int) -> NDArray[np.complex64]:
+    """Circular Gaussian numbers of unit mean power, by the two numbers of each, as of a scatterer and its part."""
     key, out = seed_words(seed), np.empty(number.size, np.complex64)
     words, halves = np.empty((2, _AT_ONCE), np.uint32), np.empty((2, _AT_ONCE), np.float32)
     for first in range(0, number.size, _AT_ONCE):
         n = min(_AT_ONCE, number.size - first)
         some = slice(first, first + n)
-        gaussian_row(n, number[some], part[some], np.uint32(0), key, words, halves[0], halves[1])
+        counters = number[some].astype(np.uint32), part[some].astype(np.uint32)
+        gaussian_row(n, *counters, np.uint32(0), key, words, halves[0], halves[1])
         out[some].real, out[some].imag = halves[0, :n], halves[1, :n]
     return out
 

@@ -22,8 +22,8 @@ from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
 from radcal.signals.focus import check, focused
+from radcal.signals.history import RawSignal, kept
 from radcal.signals.platform import collection, nesz
-from radcal.signals.record import RawSignal, kept
 from radcal.signals.scatterers import Scatterers, drawn_on, facets_of
 from radcal.simulators.forward import Flown
 from radcal.storage.files import digest

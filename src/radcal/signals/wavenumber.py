@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
-from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights, pattern
-from radcal.speckle.response import taylor_weights
+from radcal.signals.platform import LIGHT_MPS, Collection, azimuth_weights
 
 _ERROR = 1e-6  # relative error of the Fourier transform at uneven wavenumbers
 
@@ -74,7 +73,6 @@ def omega_k(
     part = np.floor((away / one.sines + 0.5) * azimuth.size).astype(np.int64)
     spectrum = scipy.fft.fft(signal, axis=0)
     middle_m, sines, reference = _reference(one)
-    down = taylor_weights((np.arange(one.samples) + 0.5) / one.samples - 0.5)
     rows, columns = slant_m.size, azimuth_m.size
     steps = [(places[-1] - places[0]) / max(places.size - 1, 1) for places in (azimuth_m, slant_m)]
     looks = np.empty((one.looks, rows, columns), np.complex64)
@@ -82,7 +80,7 @@ def omega_k(
         chosen = (part >= 0) & (part < azimuth.size) & (part * one.looks // azimuth.size == look)
         pulse, sample = np.nonzero(chosen)
         k, k_x = wave[sample], along[pulse, sample]
-        weights = azimuth[part[pulse, sample]] * down[sample]
+        weights = azimuth[part[pulse, sample]] * one.weights[sample]
         k_r = np.sqrt(k**2 - k_x**2)
         gain = weights / weights.sum() * np.sqrt(k * LIGHT_MPS / (4.0 * np.pi * one.carrier_hz)) * spacing
         gain = gain / np.interp(k_x / k, sines, reference)
@@ -115,10 +113,10 @@ def _reference(one: Collection) -> tuple[float, NDArray[np.float64], NDArray[np.
     """
     middle_m, wave = one.range_m * np.sqrt(1.0 - one.middle_sine**2), 4.0 * np.pi / one.wavelength_m
     step = 0.25 * float(one.track_m[1, 0] - one.track_m[0, 0])  # nothing folds
-    first, last = one.places_m(middle_m, middle_m, 2.0 * one.wavelength_m / one.antenna_m)
+    first, last = one.places_m(middle_m, middle_m, 2.0 * one.null)
     place = np.arange(-last, -first, step)  # of the antenna
     slant = np.hypot(place, middle_m)
-    beam = pattern(-place / slant - one.middle_sine, one.antenna_m, one.wavelength_m)
+    beam = one.pattern(-place / slant - one.middle_sine)
     echo = beam * (one.range_m / slant) ** 2 * np.exp(-1j * wave * slant)
     size, period = scipy.fft.next_fast_len(8 * place.size), 2.0 * np.pi / step  # fine enough for interpolation
     along = 2.0 * np.pi * np.fft.fftfreq(size, step)
