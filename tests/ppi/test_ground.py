@@ -8,9 +8,10 @@ from variants import agrees
 
 from radcal.config import case_from
 from radcal.laws import law_for
-from radcal.ppi.ground import BINS_DEG, carrier_ghz, ground_of, points_of, site_of
+from radcal.ppi.ground import BINS_DEG, ground_of, points_of, site_of
 from radcal.ppi.scan import one_turn
 from radcal.scene.objects import Objects, Walls
+from radcal.signals.platform import carrier_hz
 
 GAMMA = {"dyke": law_for("constant_gamma")}
 X = {"dyke": [-12.0]}
@@ -34,8 +35,8 @@ def radar_equation_db(range_m, square_db):
 def test_level_ground_has_the_power_of_the_radar_equation(build_scene):
     """Within 0.1 dB, with the two-way beam: sigma0 x R x width sqrt(pi / (8 ln 2)) x gate."""
     scene, config = build_scene(level, cells=(400, 400)), section(pulses=1, range_m=900, elevation_beam_deg=60)
-    ground = ground_of(scene, config, GAMMA, X, 10.0)
-    sweep = one_turn(ground, points_of(scene, config, 10.0, RADAR, GAMMA, X), config, 1)
+    ground = ground_of(scene, config, RADAR, GAMMA, X)
+    sweep = one_turn(ground, points_of(scene, config, RADAR, GAMMA, X), config, 1)
     gate = 50
     at = sweep.range_m[gate]
     grazing = np.arcsin(30.0 / at) - at / (2.0 * 4.0 / 3.0 * 6.371e6)
@@ -51,7 +52,7 @@ def test_ground_behind_a_wall_is_in_shadow(build_scene):
     """A wall of 20 m at 300 m, seen from 30 m, hides the ground to 900 m."""
     scene = build_scene(lambda east, north: 20.0 * ((east > 300.0) & (east < 305.0)), cells=(40, 440), cell_m=5.0)
     config = section(range_m=1080, prf_hz=400, rotation_rpm=12)
-    ground = ground_of(scene, config, GAMMA, X, 10.0)
+    ground = ground_of(scene, config, RADAR, GAMMA, X)
     east, west = ground.speckled[round(config.turn / 4)], ground.speckled[round(config.turn * 3 / 4)]
     range_m = (np.arange(config.gates) + 0.5) * 15.0
     assert set(range_m[(east == 0.0) & (range_m > 30.0)]) == {at for at in range_m if 315.0 < at < 900.0}
@@ -62,7 +63,7 @@ def test_the_horizon_is_that_of_an_earth_of_four_thirds(build_scene):
     """From 30 m over level ground, sqrt(2 (4/3) R h) = 22.6 km; of the earth itself 19.5 km."""
     scene = build_scene(level, cells=(8, 520), cell_m=50.0)
     config = section(site_m=[10.0, 200.0], range_m=25_900, prf_hz=2000, gate_m=100)
-    ground = ground_of(scene, config, GAMMA, X, 10.0)
+    ground = ground_of(scene, config, RADAR, GAMMA, X)
     farthest = 100.0 * (np.flatnonzero(ground.speckled[config.turn // 4])[-1] + 0.5)
     agrees(farthest, np.sqrt(2.0 * 4.0 / 3.0 * 6.371e6 * 30.0), atol=150.0, earth=np.sqrt(2.0 * 6.371e6 * 30.0))
 
@@ -73,7 +74,7 @@ def test_incidence_is_that_of_the_slope(build_scene):
     patch[18:22, 99:105] = 1
     scene = build_scene(lambda east, north: 0.2 * east, cells=(40, 200), cell_m=10.0, material=patch)
     config = section(site_m=[20.0, 200.0], range_m=1500, mast_m=100.0)
-    seen = ground_of(scene, config, GAMMA, X, 10.0).seen["dyke"]
+    seen = ground_of(scene, config, RADAR, GAMMA, X).seen["dyke"]
     found = np.average(0.5 * (BINS_DEG[1:] + BINS_DEG[:-1]), weights=seen)
     both = np.sqrt(1.04 * 1.01)
     agrees(np.cos(np.radians(found)), 0.1 / both, atol=2e-3, sign=0.3 / both, level=0.1 / np.sqrt(1.01) + 0.1)
@@ -83,7 +84,7 @@ def test_incidence_is_that_of_the_slope(build_scene):
 def test_land_clutter_takes_the_place_of_law_and_speckle(build_scene):
     scene = build_scene(level, cells=(400, 400))
     law, land = section(range_m=900), section(range_m=900, land={"dyke": [[0.0, -30.0, 2.0]]})
-    of_law, of_land = (ground_of(scene, each, GAMMA, X, 10.0) for each in (law, land))
+    of_law, of_land = (ground_of(scene, each, RADAR, GAMMA, X) for each in (law, land))
     assert not of_land.speckled.any()
     grazing = np.arcsin(30.0 / 757.5)
     difference = 10.0 * np.log10(of_land.land[:, 50].mean() / of_law.speckled[:, 50].mean())
@@ -104,12 +105,12 @@ def objects(x_m, y_m, height_m):
 def test_objects_have_the_power_of_the_radar_equation_and_their_aspect(build_scene):
     """From the middle at (500, 500): one in the north, seen from behind at 180 degrees, one in the east at 270."""
     scene = replace(build_scene(level, cells=(200, 200)), objects=objects([500.0, 900.0], [800.0, 500.0], [30.0, 30.0]))
-    found = points_of(scene, section(tilt_deg=0.0), 10.0, RADAR, GAMMA, X)
+    found = points_of(scene, section(tilt_deg=0.0), RADAR, GAMMA, X)
     np.testing.assert_allclose(found.azimuth_deg, [0.0, 90.0], atol=1e-9)
     np.testing.assert_array_equal(found.gate, [20, 26])
     right = radar_equation_db(np.array([300.0, 400.0]), np.array([20.0, 0.0]))
     agrees(10.0 * np.log10(found.snr), right, atol=0.02, towards=right + [-10.0, 30.0], one_way=right / 2.0)
-    held = points_of(scene, section(tilt_deg=0.0, stc_m=600.0), 10.0, RADAR, GAMMA, X)
+    held = points_of(scene, section(tilt_deg=0.0, stc_m=600.0), RADAR, GAMMA, X)
     np.testing.assert_allclose(held.snr / found.snr, [1 / 16.0, 16.0 / 81.0])
 
 
@@ -117,7 +118,7 @@ def test_objects_behind_a_wall_are_hidden_unless_they_are_tall(build_scene):
     """A wall of 20 m at 200 m, seen from 30 m: at 400 m it hides what stands below 10 m."""
     wall = build_scene(lambda east, north: 20.0 * ((east > 200.0) & (east < 205.0)), cells=(200, 200))
     scene = replace(wall, objects=objects([900.0, 900.0, 100.0], [500.0, 500.0, 500.0], [8.0, 12.0, 1.0]))
-    np.testing.assert_allclose(points_of(scene, section(), 10.0, RADAR, GAMMA, X).azimuth_deg, [90.0, 270.0])
+    np.testing.assert_allclose(points_of(scene, section(), RADAR, GAMMA, X).azimuth_deg, [90.0, 270.0])
 
 
 @pytest.mark.parametrize("screen_m", [0.0, 7.0])
@@ -134,7 +135,7 @@ def test_a_box_has_the_cross_section_of_roof_walls_and_double_bounce(build_scene
     )  # fmt: skip
     plain = replace(box, rcs_dbsm=np.zeros(1), walls=None)
     walled, unit = (
-        points_of(replace(scene, objects=each), section(), 10.0, RADAR, laws, parameters).snr for each in (box, plain)
+        points_of(replace(scene, objects=each), section(), RADAR, laws, parameters).snr for each in (box, plain)
     )
     tangent = 300.0 / 30.0
     theta, phi = np.arctan(tangent), np.radians([20.0, 70.0])
@@ -152,7 +153,5 @@ def test_site_and_carrier(build_scene):
     assert site_of(scene, section(site_m=[12.0, 34.0])) == (12.0, 34.0)
     turned = replace(scene, crs="EPSG:32616", transform=(3.0, 4.0, 7000.0, -4.0, 3.0, 9000.0))
     np.testing.assert_allclose(site_of(turned, section(site_m=[7000.0 + 70.0, 9000.0 - 10.0])), (50.0, 50.0))
-    radar = case_from({}).radar
-    assert carrier_ghz(radar) == 10.0
-    assert carrier_ghz(radar.model_copy(update={"frequency_ghz": 9.4})) == 9.4
-    assert carrier_ghz(radar.model_copy(update={"band": "nonsense"})) is None
+    assert carrier_hz(RADAR) == 10e9
+    assert carrier_hz(RADAR.model_copy(update={"frequency_ghz": 9.4})) == 9.4e9

@@ -72,5 +72,5 @@ def test_contradictions_with_the_scene(build_case, scene, keys, says):
 def test_a_scene_without_heights_or_band(build_case, scene):
     with pytest.raises(ConfigError, match=r"scene\.source is builtin, whose scene has no heights"):
         check(build_case(ppi=PPI), replace(scene, elevation_m=None))
-    with pytest.raises(ConfigError, match=r"radar\.frequency_ghz is missing: radar\.band is 'Q'"):
+    with pytest.raises(ConfigError, match=r"radar\.band is 'Q', which names no known band, expected radar\.freq"):
         check(build_case(ppi=PPI, radar={"band": "Q"}), scene)

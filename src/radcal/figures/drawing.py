@@ -168,6 +168,12 @@ def new_canvas(width: float, height: float, layout: Literal["constrained", "comp
     return canvas
 
 
+def write_png(path: str | Path, canvas: Canvas) -> None:
+    """Write a figure as PNG, without the name of the program, so that the same figure has the same bytes."""
+    with atomic(path) as partial:
+        canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
+
+
 @contextmanager
 def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator[Iterator[tuple[Axes, str]]]:
     """Yield one panel over the incidence for each material, and write the figure as PNG after the ``with`` block."""
@@ -182,8 +188,7 @@ def law_panels(path: str | Path, names: Sequence[str], y_label: str) -> Iterator
         for axes in panels[len(names) :]:
             axes.remove()
         add_legend(canvas, panels[0].get_legend_handles_labels(), 2)
-        with atomic(path) as partial:
-            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
+        write_png(path, canvas)
 
 
 def add_fills(canvas: Canvas, colours: Iterable[str], labels: Sequence[str], columns: int) -> None:

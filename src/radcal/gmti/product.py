@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
-from radcal.figures.drawing import HIDDEN, new_canvas, styled
+from radcal.figures.drawing import HIDDEN, new_canvas, styled, write_png
 from radcal.findings import Finding
 from radcal.gmti.adaptive import Interval, dpca, kelly_threshold
 from radcal.gmti.channels import Movers, dwells, interval_of, movers_of
@@ -214,5 +214,4 @@ def _write_picture(
         plan.set(xlabel="east [km]", ylabel="north [km]", title="Moving targets", xlim=extent[:2], ylim=extent[2:])
         plan.grid(visible=False)
         canvas.legend(loc="outside lower center", ncols=3)
-        with atomic(path) as partial:
-            canvas.savefig(partial, format="png", dpi=150, metadata={"Software": None}, facecolor="white")
+        write_png(path, canvas)

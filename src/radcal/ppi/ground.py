@@ -17,7 +17,6 @@ import scipy
 from numpy.typing import NDArray
 
 from radcal.angles import MEAN_RADIUS_M
-from radcal.bands import LETTER_BANDS_GHZ, same_label
 from radcal.config import Radar
 from radcal.laws import Law
 from radcal.laws.grazing import RURAL, land_clutter
@@ -26,16 +25,16 @@ from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
 from radcal.sections.ppi import Ppi
+from radcal.signals.platform import LIGHT_MPS, carrier_hz, pulse_snr_m2
 from radcal.standing.bounce import alpha_deg, bounce_area_m2, reflected
 
 Array = NDArray[np.floating[Any]]
+_Cells = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]
 
 EARTH_M = 4.0 / 3.0 * MEAN_RADIUS_M
 BINS_DEG = np.linspace(0.0, 90.0, 1801)
 """Edges of the classes of local incidence [deg] in which the visible ground is counted."""
 
-_LIGHT_M_S = 299_792_458.0
-_BOLTZMANN_J_K, _REFERENCE_K = 1.380649e-23, 290.0  # IEEE Std 686-2017: noise figure
 _SAMPLES = 2_000_000  # largest number of samples at a time
 
 
@@ -78,12 +77,6 @@ class Points:
     snr: Array
 
 
-def carrier_ghz(radar: Radar) -> float | None:
-    """Carrier frequency of a pass [GHz], else the middle of its band; None if the band has no known limits."""
-    limits = [ends for name, ends in LETTER_BANDS_GHZ.items() if same_label(name, radar.band)]
-    return radar.frequency_ghz or (sum(limits[0]) / 2.0 if limits else None)
-
-
 def site_of(scene: Scene, config: Ppi) -> tuple[float, float]:
     """Place of the mast, to the east and to the north of the corner of the scene's grid [m]."""
     ny, nx = scene.material.shape
@@ -96,63 +89,72 @@ def site_of(scene: Scene, config: Ppi) -> tuple[float, float]:
     return float(column) * scene.cell_m, float(row) * scene.cell_m
 
 
-def echo_per_m2(config: Ppi, frequency_ghz: float, range_m: Array, elevation_deg: Array) -> Array:
+def echo_per_m2(config: Ppi, radar: Radar, range_m: Array, elevation_deg: Array) -> Array:
     """Signal-to-noise ratio of one pulse for each m2 of cross-section in the azimuth of the beam's axis.
 
-    The receiver is matched to the pulse, so that its energy counts. The one-way pattern is Gaussian.
+    The one-way pattern is Gaussian.
 
     Parameters
     ----------
     config : Ppi
         Section ``ppi``.
-    frequency_ghz : float
-        Carrier frequency [GHz].
+    radar : Radar
+        Pass, which gives the carrier.
     range_m, elevation_deg : ndarray
         Slant range [m], and elevation of the line of sight [deg], negative below the horizontal.
-
-    References
-    ----------
-    Richards, "Fundamentals of Radar Signal Processing", 2nd edition, McGraw-Hill (2014), section 2.2.
     """
-    db = 2.0 * config.gain_db - config.losses_db - config.noise_figure_db
-    energy_j = config.power_w * config.pulse_us * 1e-6
-    wavelength_m = _LIGHT_M_S / (frequency_ghz * 1e9)
-    noise_j = (4.0 * math.pi) ** 3 * _BOLTZMANN_J_K * _REFERENCE_K
     off = (elevation_deg - config.tilt_deg) / config.elevation_beam_deg
     control = np.minimum(1.0, range_m / config.stc_m) ** 4 if config.stc_m else 1.0
-    constant = 10.0 ** (db / 10.0) * energy_j * wavelength_m**2 / noise_j
+    constant = pulse_snr_m2(config, LIGHT_MPS / carrier_hz(radar)) / 10.0 ** (config.losses_db / 10.0)
     return np.asarray(constant * np.exp(-8.0 * math.log(2.0) * off**2) * control / range_m**4)
 
 
 @dataclass(frozen=True)
-class _Relief:
-    """Heights, slopes and materials of a scene at places given in metres from the grid's corner."""
+class _Mast:
+    """Antenna on a mast, and samples of rays from it; places are in metres from the corner of the scene's grid."""
 
     scene: Scene
-    height_m: Array
-    slope_east: Array
-    slope_north: Array
+    x_m: float
+    y_m: float
+    antenna_m: float  # elevation
+    step_m: float
+    distance_m: Array  # of the samples along a ray
 
     @classmethod
-    def of(cls, scene: Scene) -> _Relief:
-        assert scene.elevation_m is not None  # noqa: S101 - checked before
-        north, east = (np.gradient(scene.elevation_m, scene.cell_m, axis=k) for k in (0, 1))
-        return cls(scene, scene.elevation_m, east, north)
+    def of(cls, scene: Scene, config: Ppi) -> _Mast:
+        (x, y), step = site_of(scene, config), min(scene.cell_m, 0.5 * config.gate_m)
+        distance = (np.arange(math.ceil(config.range_m / step)) + 0.5) * step
+        antenna = _height_m(scene, np.array([x]), np.array([y])).item() + config.mast_m
+        return cls(scene, x, y, antenna, step, distance)
 
-    def height(self, x: Array, y: Array) -> Array:
-        places = np.stack([y, x]) / self.scene.cell_m - 0.5
-        return np.asarray(scipy.ndimage.map_coordinates(self.height_m, places, order=1, mode="nearest"))
+    def tangent(self, distance: Array, bearing: Array, above_m: Any = 0.0) -> Array:
+        """Tangent of the elevation at which the antenna sees the ground, or points above it."""
+        ground = _height_m(self.scene, self.x_m + distance * np.sin(bearing), self.y_m + distance * np.cos(bearing))
+        return np.asarray((ground + above_m - distance**2 / (2.0 * EARTH_M) - self.antenna_m) / distance)
 
-    def cells(self, x: Array, y: Array) -> tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.bool_]]:
-        """Row and column of each place, and whether it lies in the scene."""
-        ny, nx = self.scene.material.shape
-        row, column = (np.floor(each / self.scene.cell_m).astype(np.intp) for each in (y, x))
-        inside = (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
-        return np.clip(row, 0, ny - 1), np.clip(column, 0, nx - 1), inside
+    def rays(self, bearing: Array) -> tuple[_Cells, Array, Array]:
+        """Cells of the samples of rays, tangents of their elevation, and largest tangents up to each sample."""
+        x, y = self.x_m + self.distance_m * np.sin(bearing), self.y_m + self.distance_m * np.cos(bearing)
+        cells, tangent = _cells(self.scene, x, y), self.tangent(self.distance_m, bearing)
+        return cells, tangent, np.maximum.accumulate(np.where(cells[2], tangent, -np.inf), axis=1)
+
+
+def _height_m(scene: Scene, x: Array, y: Array) -> Array:
+    assert scene.elevation_m is not None  # noqa: S101 - checked before
+    places = np.stack([y, x]) / scene.cell_m - 0.5
+    return np.asarray(scipy.ndimage.map_coordinates(scene.elevation_m, places, order=1, mode="nearest"))
+
+
+def _cells(scene: Scene, x: Array, y: Array) -> _Cells:
+    """Row and column of each place, and whether it lies in the scene."""
+    ny, nx = scene.material.shape
+    row, column = (np.floor(each / scene.cell_m).astype(np.intp) for each in (y, x))
+    inside = (row >= 0) & (row < ny) & (column >= 0) & (column < nx)
+    return np.clip(row, 0, ny - 1), np.clip(column, 0, nx - 1), inside
 
 
 def ground_of(
-    scene: Scene, config: Ppi, laws: Mapping[str, Law], parameters: Mapping[str, Sequence[float]], frequency_ghz: float
+    scene: Scene, config: Ppi, radar: Radar, laws: Mapping[str, Law], parameters: Mapping[str, Sequence[float]]
 ) -> Ground:
     """Power of all ground that the mast sees.
 
@@ -162,16 +164,15 @@ def ground_of(
         Scene with elevations.
     config : Ppi
         Section ``ppi``.
+    radar : Radar
+        Pass, which gives carrier, band and polarisation.
     laws, parameters : mapping
         Law of each material, and its parameters.
-    frequency_ghz : float
-        Carrier frequency [GHz].
     """
-    relief = _Relief.of(scene)
-    x0, y0 = site_of(scene, config)
-    antenna_m = float(relief.height(np.array([x0]), np.array([y0]))[0]) + config.mast_m
-    step_m = min(scene.cell_m, 0.5 * config.gate_m)
-    distance = (np.arange(math.ceil(config.range_m / step_m)) + 0.5) * step_m
+    assert scene.elevation_m is not None  # noqa: S101 - checked before
+    slope_north, slope_east = (np.gradient(scene.elevation_m, scene.cell_m, axis=k) for k in (0, 1))
+    mast = _Mast.of(scene, config)
+    distance = mast.distance_m
     # rays as close as the cells at the largest distance, a whole number of them for each pulse
     rays = math.ceil(2.0 * math.pi * config.range_m / scene.cell_m / config.turn)
     at_once = max(1, _SAMPLES // (rays * distance.size))
@@ -183,21 +184,18 @@ def ground_of(
         # a pulse's own azimuths lie about its pointing
         bearing = 2.0 * np.pi * ((pulse[:, None] + (np.arange(rays) + 0.5) / rays - 0.5) / config.turn).reshape(-1, 1)
         east, north = np.sin(bearing), np.cos(bearing)
-        x, y = x0 + distance * east, y0 + distance * north
-        row, column, inside = relief.cells(x, y)
-        tangent = (relief.height(x, y) - distance**2 / (2.0 * EARTH_M) - antenna_m) / distance
-        horizon = np.maximum.accumulate(np.where(inside, tangent, -np.inf), axis=1)
+        (row, column, inside), tangent, horizon = mast.rays(bearing)
         lit = inside & (tangent >= horizon)
-        slope_x, slope_y = relief.slope_east[row, column], relief.slope_north[row, column]
+        slope_x, slope_y = slope_east[row, column], slope_north[row, column]
         away = slope_x * east + slope_y * north - distance / EARTH_M  # slope along the ray, over the sunken earth
         tilt = 1.0 + away**2 + (slope_x * north - slope_y * east) ** 2
         towards = (away - tangent) / np.sqrt(tilt * (1.0 + tangent**2))  # cosine of the local incidence
         slant = distance * np.sqrt(1.0 + tangent**2)
         lit &= (towards > 0.0) & (slant < config.gates * config.gate_m)
         which = np.nonzero(lit)
-        area = distance[which[1]] * step_m * (2.0 * np.pi / (config.turn * rays)) * np.sqrt(tilt[lit])
+        area = distance[which[1]] * mast.step_m * (2.0 * np.pi / (config.turn * rays)) * np.sqrt(tilt[lit])
         elevation = np.degrees(np.arctan(tangent[lit]))
-        power = area * echo_per_m2(config, frequency_ghz, slant[lit], elevation)
+        power = area * echo_per_m2(config, radar, slant[lit], elevation)
         place = pulse[which[0] // rays] * config.gates + (slant[lit] / config.gate_m).astype(np.intp)
         phi = np.arccos(towards[lit])
         material = scene.material[row[lit], column[lit]]
@@ -218,7 +216,7 @@ def ground_of(
 
 
 def _standing_m2(
-    relief: _Relief, objects: Objects, distance_m: Array, bearing_deg: Array, theta_deg: Array,
+    scene: Scene, objects: Objects, distance_m: Array, bearing_deg: Array, theta_deg: Array,
     foot: NDArray[np.bool_], polarisation: str, tables: Array,
 ) -> Array:  # fmt: skip
     """Cross-section of roof, walls and double bounce of each object [m2].
@@ -227,8 +225,7 @@ def _standing_m2(
     degrees on there is neither roof nor double bounce. ``foot`` is whether the mast sees the foot. The ground in front
     of a wall that takes part in the double bounce ends at the mast.
     """
-    scene, walls = relief.scene, objects.walls
-    if walls is None:
+    if (walls := objects.walls) is None:
         return np.zeros(len(objects))
     above = theta_deg < 90.0
     theta = np.where(above, theta_deg, 45.0)
@@ -246,7 +243,7 @@ def _standing_m2(
         (deep, length), normal = sides[turn % 2], np.radians(objects.heading_deg + 90.0 * turn)
         cosine = np.cos(np.radians(bearing_deg) - normal)
         ahead = 0.5 * (deep + scene.cell_m)  # middle of the cell in front of the foot
-        row, column, inside = relief.cells(objects.x_m + ahead * np.sin(normal), objects.y_m + ahead * np.cos(normal))
+        row, column, inside = _cells(scene, objects.x_m + ahead * np.sin(normal), objects.y_m + ahead * np.cos(normal))
         phi = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         gain = reflected(theta, phi, polarisation, walls.permittivity)
         gain *= sigma0(scene.material[row, column] * inside, alpha_deg(theta, phi))
@@ -256,47 +253,29 @@ def _standing_m2(
 
 
 def points_of(
-    scene: Scene, config: Ppi, frequency_ghz: float, radar: Radar, laws: Mapping[str, Law],
-    parameters: Mapping[str, Sequence[float]],
-) -> Points:  # fmt: skip
+    scene: Scene, config: Ppi, radar: Radar, laws: Mapping[str, Law], parameters: Mapping[str, Sequence[float]]
+) -> Points:
     """Objects that the mast sees; an object's cross-section is at its height above the middle of its footprint.
 
-    That of a box with a roof is the sum of roof, walls and double bounce, whose foot the mast sees. The arguments are
-    those of :func:`ground_of`, and the pass.
+    That of a box with a roof is the sum of roof, walls and double bounce, whose foot the mast sees. Ground hides an
+    object from as far as a cell before it. The arguments are those of :func:`ground_of`.
     """
-    none = np.zeros(0)
-    if scene.objects is None:
-        return Points(none, none.astype(np.intp), none)
-    relief, objects = _Relief.of(scene), scene.objects
-    x0, y0 = site_of(scene, config)
-    antenna_m = float(relief.height(np.array([x0]), np.array([y0]))[0]) + config.mast_m
-    x, y = objects.x_m - x0, objects.y_m - y0
-    distance = np.maximum(np.hypot(x, y), 1e-3)
-
-    def tangent(share: Array, height_m: Array) -> Array:
-        """Tangent of the elevation of the ground, at shares of the distances, or of points above it."""
-        far = share * distance[:, None]
-        ground = relief.height(x0 + share * x[:, None], y0 + share * y[:, None])
-        return np.asarray((ground + height_m - far**2 / (2.0 * EARTH_M) - antenna_m) / far)
-
-    own, foot = (tangent(np.ones((1, 1)), up[:, None])[:, 0] for up in (objects.height_m, 0.0 * objects.height_m))
-    before = np.arange(1, math.ceil(2.0 * float(distance.max()) / scene.cell_m)) * 0.5 * scene.cell_m
-    hidden, dark = np.zeros((2, len(objects)), dtype=np.bool_)  # tops, and feet
-    for far in before:  # one distance of all rays at a time: few distances, many objects
-        nearer = far < distance - scene.cell_m
-        share = np.minimum(far / distance, 1.0)[:, None]
-        between = tangent(share, np.zeros((1, 1)))[:, 0]
-        hidden |= nearer & (between > own)
-        dark |= nearer & (between > foot)
-    slant = distance * np.sqrt(1.0 + own**2)
-    shown = ~hidden & (slant < config.gates * config.gate_m)
-    bearing = np.degrees(np.arctan2(x, y)) % 360.0
-    elevation = np.degrees(np.arctan(own))
-    sigma = objects.cross_section_m2((bearing + 180.0) % 360.0, -elevation, radar.band, radar.polarisation)
+    if (objects := scene.objects) is None:
+        return Points(np.zeros(0), np.zeros(0, np.intp), np.zeros(0))
+    mast = _Mast.of(scene, config)
+    x, y = objects.x_m - mast.x_m, objects.y_m - mast.y_m
+    distance, bearing = np.maximum(np.hypot(x, y), 1e-3), np.arctan2(x, y)
+    own, foot = (mast.tangent(distance, bearing, up) for up in (objects.height_m, 0.0))
+    nearer, horizon = np.searchsorted(mast.distance_m, distance - scene.cell_m), np.full(len(objects), -np.inf)
+    for some in np.array_split(np.flatnonzero(nearer), len(objects) * mast.distance_m.size // _SAMPLES + 1):
+        horizon[some] = mast.rays(bearing[some, None])[2][np.arange(some.size), nearer[some] - 1]
+    slant, elevation, bearing_deg = distance * np.sqrt(1.0 + own**2), np.degrees(np.arctan(own)), np.degrees(bearing)
+    sigma = objects.cross_section_m2((bearing_deg + 180.0) % 360.0, -elevation, radar.band, radar.polarisation)
     tables, grazing = law_tables(scene.names, laws, parameters), -np.arctan(foot) - distance / EARTH_M
     sigma = np.nan_to_num(sigma) + _standing_m2(  # boxes with a roof have no cross-section of their own
-        relief, objects, distance, bearing + 180.0, 90.0 - np.degrees(grazing), ~dark, radar.polarisation, tables
-    )
-    shown &= sigma > 0.0
-    snr = sigma * echo_per_m2(config, frequency_ghz, slant, elevation)
-    return Points(bearing[shown], (slant[shown] / config.gate_m).astype(np.intp), snr[shown])
+        scene, objects, distance, bearing_deg + 180.0, 90.0 - np.degrees(grazing), foot >= horizon, radar.polarisation,
+        tables,
+    )  # fmt: skip
+    shown = (own >= horizon) & (slant < config.gates * config.gate_m) & (sigma > 0.0)
+    snr = sigma * echo_per_m2(config, radar, slant, elevation)
+    return Points(bearing_deg[shown] % 360.0, (slant[shown] / config.gate_m).astype(np.intp), snr[shown])

@@ -5,30 +5,37 @@ from __future__ import annotations
 import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
+from radcal.figures.drawing import TOLERANCE, new_canvas, styled, write_png
 from radcal.findings import Finding
 from radcal.laws import Law
-from radcal.ppi.ground import BINS_DEG, Ground, Points, carrier_ghz, ground_of, points_of, site_of
-from radcal.ppi.pictures import write_pictures
+from radcal.ppi.ground import BINS_DEG, Ground, Points, ground_of, points_of, site_of
 from radcal.ppi.scan import Sweep, detected, one_turn
 from radcal.radar.geometry import Geometry
+from radcal.scene.crs import longitude_latitude
 from radcal.scene.model import Scene
 from radcal.sections.errors import nearest
+from radcal.sections.ppi import Ppi
+from radcal.signals.platform import carrier_hz
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
 _ALL_DEG = (0.0, 90.0)
 _LARGEST = 200_000_000  # largest number of pulses x gates: 5 GB of sums
+_SCALE_DB = 50.0  # longest colour scale, from the brightest cells down
 _LEAST_PERCENT = 5.0  # of a material's visible ground beyond the known incidence, as in the report
 
 
 def check(case: Part, scene: Scene) -> None:
-    """Raise an error with one sentence for each contradiction of section ``ppi`` with scene or pass."""
+    """Raise an error if the band has no known frequency, or with a sentence for each contradiction with the scene."""
+    carrier_hz(case.radar)
     if wrong := list(_contradictions(case, scene)):
         raise ConfigError("\nradcal: ".join(wrong))
 
@@ -41,8 +48,6 @@ def _contradictions(case: Part, scene: Scene) -> Iterator[str]:
     size = [cells * scene.cell_m for cells in scene.material.shape[::-1]]
     if config.site_m is not None and not all(0.0 <= x < s for x, s in zip(site_of(scene, config), size, strict=True)):
         yield f"ppi.site_m is {list(config.site_m)}, expected a place in the scene of {size[0]:g} x {size[1]:g} m."
-    if carrier_ghz(case.radar) is None:
-        yield f"radar.frequency_ghz is missing: radar.band is {case.radar.band!r}, which has no known frequency."
     for name in config.land:
         if name not in case.materials:
             yield f"ppi.land.{name}: no such material{nearest(name, case.materials)}."
@@ -84,9 +89,8 @@ def extrapolated(ground: Ground, laws: Mapping[str, Law], geometry: Geometry) ->
     return found
 
 
-def _detections(sweep: Sweep, points: Points, case: Part) -> Finding:
+def _detections(sweep: Sweep, points: Points, found: NDArray[np.bool_], config: Ppi) -> Finding:
     """Finding on false alarms without objects, and on the objects that are detected."""
-    config, found = case.ppi, detected(sweep.snr, case.ppi)
     off = np.abs((sweep.azimuth_deg[:, None] - points.azimuth_deg + 180.0) % 360.0 - 180.0)
     # the ray that points nearest to an object, and its neighbours
     rays = np.arange(-1, 2)[:, None] + np.argmin(off, axis=0) if points.snr.size else np.zeros((3, 0), np.intp)
@@ -117,42 +121,43 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     """
     case, scene, config = made.case, made.scene, made.case.ppi
     check(case, scene)
-    frequency = carrier_ghz(case.radar)
-    assert frequency is not None  # noqa: S101 - checked
     laws = {name: law for name, law in case.laws.items() if name in scene.names}
-    ground = ground_of(scene, config, laws, case.start_parameters, frequency)
-    points = points_of(scene, config, frequency, case.radar, laws, case.start_parameters)
+    ground = ground_of(scene, config, case.radar, laws, case.start_parameters)
+    points = points_of(scene, config, case.radar, laws, case.start_parameters)
     sweep = one_turn(ground, points, config, made.seed)
+    found = detected(sweep.snr, config)
     ruled = {name: law for name, law in laws.items() if name not in config.land}
     paths = [stem.with_suffix(".h5"), stem.with_suffix(".png")]
-    _write_sweep(paths[0], made, sweep, frequency)
-    write_pictures(paths[1], sweep, detected(sweep.snr, config), scene, site_of(scene, config))
-    return [*paths, *extrapolated(ground, ruled, made.geometry), _detections(sweep, points, case)]
+    _write_sweep(paths[0], made, sweep, found)
+    _write_pictures(paths[1], sweep, found, scene, site_of(scene, config))
+    return [*paths, *extrapolated(ground, ruled, made.geometry), _detections(sweep, points, found, config)]
 
 
-def _place(scene: Scene, site: tuple[float, float]) -> tuple[float, float]:
-    """Longitude and latitude of the mast [deg]; NaN for a scene without a place on the map."""
-    if scene.crs is None or scene.transform is None:
-        return np.nan, np.nan
-    from radcal.scene.crs import transformer
-
-    a, b, c, d, e, f = scene.transform
-    column, row = (each / scene.cell_m for each in site)
-    longitude, latitude = transformer(scene.crs, "EPSG:4326").transform(
-        a * column + b * row + c, d * column + e * row + f
-    )
-    return float(longitude), float(latitude)
-
-
-def _write_sweep(path: Path, made: Forward, sweep: Sweep, frequency_ghz: float) -> None:
+def _write_sweep(path: Path, made: Forward, sweep: Sweep, reported: NDArray[np.bool_]) -> None:
     """Write a turn with the names of CfRadial 2.0 (Dixon and Lee, 2016): root group, and one group for the sweep."""
     config, scene, whole = made.case.ppi, made.scene, io.BytesIO()  # HDF5 cannot recover from a full disk
     assert scene.elevation_m is not None  # noqa: S101 - checked
     x, y = site_of(scene, config)
-    longitude, latitude = _place(scene, (x, y))
-    ground_m = scene.elevation_m[int(y / scene.cell_m), int(x / scene.cell_m)]
-    turn_s = 60.0 / config.rotation_rpm
-    rays = sweep.azimuth_deg.size
+    longitude, latitude = longitude_latitude(scene, x, y) or (np.nan, np.nan)
+    height = scene.elevation_m[int(y / scene.cell_m), int(x / scene.cell_m)] + config.mast_m
+    began, tilt = "2000-01-01T00:00:00Z", config.tilt_deg
+    seconds, of_ray = sweep.azimuth_deg / 360.0 * 60.0 / config.rotation_rpm, ("time",)
+    snr = (10.0 * np.log10(sweep.snr)).astype(np.float32)
+    # values, axes, unit and standard name
+    variables: dict[str, tuple[Any, tuple[str, ...], *tuple[str, ...]]] = {
+        "volume_number": (0, ()), "latitude": (latitude, ()), "longitude": (longitude, ()), "altitude": (height, ()),
+        "time_coverage_start": (began, ()), "time_coverage_end": (began, ()), "sweep": ([0], ("sweep",)),
+        "sweep_group_name": (["sweep_0"], ("sweep",)), "sweep_fixed_angle": ([tilt], ("sweep",)),
+        "sweep_0/sweep_number": (0, ()), "sweep_0/sweep_mode": ("azimuth_surveillance", ()),
+        "sweep_0/follow_mode": ("none", ()), "sweep_0/prt_mode": ("fixed", ()), "sweep_0/sweep_fixed_angle": (tilt, ()),
+        "sweep_0/frequency": ([carrier_hz(made.case.radar)], ("frequency",)),
+        "sweep_0/time": (seconds, of_ray, f"seconds since {began}", "time"),
+        "sweep_0/range": (sweep.range_m, ("range",), "meters", "projection_range_coordinate"),
+        "sweep_0/azimuth": (sweep.azimuth_deg, of_ray, "degrees", "ray_azimuth_angle"),
+        "sweep_0/elevation": (np.full_like(seconds, tilt), of_ray, "degrees", "ray_elevation_angle"),
+        "sweep_0/SNR": (snr, ("time", "range"), "dB", "signal_to_noise_ratio"),
+        "sweep_0/DETECTED": (reported.astype(np.int8), ("time", "range"), "1", "detection_by_cell_averaging"),
+    }  # fmt: skip
     with h5py.File(whole, "w") as file:
         described = {f"ppi_{key}": value for key, value in config.model_dump(exclude={"land", "site_m"}).items()}
         file.attrs.update({
@@ -161,43 +166,50 @@ def _write_sweep(path: Path, made: Forward, sweep: Sweep, frequency_ghz: float) 
             "source": "simulation by radcal", "platform_is_mobile": "false", "simulated": "true",
             "comment": "the date of time is invented", "polarisation": made.case.radar.polarisation, **described,
         })  # fmt: skip
-        root = {
-            "volume_number": 0, "latitude": latitude, "longitude": longitude, "altitude": ground_m + config.mast_m,
-            "time_coverage_start": "2000-01-01T00:00:00Z", "time_coverage_end": "2000-01-01T00:00:00Z",
-            "sweep_group_name": ["sweep_0"], "sweep_fixed_angle": [config.tilt_deg],
-        }  # fmt: skip
-        for name, value in root.items():
-            file[name] = value
-        file["sweep"] = [0]
-        file["sweep"].make_scale("sweep")
-        for name in ("sweep_group_name", "sweep_fixed_angle"):
-            file[name].dims[0].attach_scale(file["sweep"])
-        group = file.create_group("sweep_0")
-        scalars = {"sweep_number": 0, "sweep_mode": "azimuth_surveillance", "follow_mode": "none", "prt_mode": "fixed"}
-        for name, value in {**scalars, "sweep_fixed_angle": config.tilt_deg}.items():
-            group[name] = value
-        time_s = sweep.azimuth_deg / 360.0 * turn_s
-        axes = {
-            "time": (time_s, "seconds since 2000-01-01T00:00:00Z", "time"),
-            "range": (sweep.range_m, "meters", "projection_range_coordinate"),
-        }
-        for name, (values, unit, standard) in axes.items():
-            group[name] = values
-            group[name].make_scale(name)
-            group[name].attrs.update({"units": unit, "standard_name": standard})
-        group["frequency"] = [frequency_ghz * 1e9]
-        group["frequency"].make_scale("frequency")
-        snr = 10.0 * np.log10(sweep.snr)
-        fields = {
-            "azimuth": (sweep.azimuth_deg, "degrees", "ray_azimuth_angle"),
-            "elevation": (np.full(rays, config.tilt_deg), "degrees", "ray_elevation_angle"),
-            "SNR": (snr.astype(np.float32), "dB", "signal_to_noise_ratio"),
-            "DETECTED": (detected(sweep.snr, config).astype(np.int8), "1", "detection_by_cell_averaging"),
-        }
-        for name, (values, unit, standard) in fields.items():
-            data = group.create_dataset(name, data=values, **({"compression": "gzip"} if values.ndim > 1 else {}))
-            data.attrs.update({"units": unit, "standard_name": standard})
-            for axis, scale in zip(range(values.ndim), ("time", "range"), strict=False):
-                data.dims[axis].attach_scale(group[scale])
+        for name, (values, axes, *named) in variables.items():
+            data = file.create_dataset(name, data=values, compression="gzip" if len(axes) > 1 else None)
+            data.attrs.update(zip(("units", "standard_name"), named, strict=False))
+            for k, axis in enumerate(axes):
+                if name.rpartition("/")[2] == axis:
+                    data.make_scale(axis)
+                else:
+                    data.dims[k].attach_scale(data.parent[axis])
     with atomic(path) as partial_path:
         partial_path.write_bytes(whole.getbuffer())
+
+
+def _write_pictures(
+    path: Path, sweep: Sweep, reported: NDArray[np.bool_], scene: Scene, site_m: tuple[float, float]
+) -> None:
+    """Write B-scope and map of a turn as PNG; detections are dots."""
+    db = 10.0 * np.log10(sweep.snr)
+    high = float(np.quantile(db, 0.999))
+    low = max(-3.0, high - _SCALE_DB)
+    scale = {"vmin": low, "vmax": high, "cmap": "viridis", "rasterized": True}
+    gate, ray = sweep.range_m[1] - sweep.range_m[0], 360.0 / sweep.azimuth_deg.size
+    ranges_km = np.append(sweep.range_m - gate / 2.0, sweep.range_m[-1] + gate / 2.0) / 1e3
+    bearings = np.append(sweep.azimuth_deg - ray / 2.0, sweep.azimuth_deg[-1] + ray / 2.0)
+    ny, nx = scene.material.shape
+    edge = np.array([[0.0, 0.0], [nx, 0.0], [nx, ny], [0.0, ny], [0.0, 0.0]]) * scene.cell_m / 1e3
+    rays, gates = np.nonzero(reported)
+    dots = {"marker": ".", "s": 3.0, "linewidths": 0.0, "color": TOLERANCE["color"]}
+    with styled():
+        canvas = new_canvas(11.5, 5.2)
+        scope, plan = canvas.subplots(1, 2, gridspec_kw={"width_ratios": [1.0, 1.15]})
+        scope.pcolormesh(bearings, ranges_km, db.T, **scale)
+        scope.scatter(sweep.azimuth_deg[rays], sweep.range_m[gates] / 1e3, **dots)
+        scope.set(xlabel="azimuth [deg]", ylabel="slant range [km]", title="B-scope", xlim=(0, 360))
+        east, north = (np.outer(ranges_km, turn(np.radians(bearings))) for turn in (np.sin, np.cos))
+        x0, y0 = (each / 1e3 for each in site_m)
+        drawn = plan.pcolormesh(x0 + east, y0 + north, db.T, **scale)
+        turned = np.radians(sweep.azimuth_deg[rays])
+        at = sweep.range_m[gates] / 1e3
+        plan.scatter(x0 + at * np.sin(turned), y0 + at * np.cos(turned), label="detection", **dots)
+        plan.plot(*edge.T, color="white", linewidth=0.9, label="scene")
+        plan.plot([x0], [y0], "+", color="white", label="mast")
+        plan.set(xlabel="east [km]", ylabel="north [km]", title="PPI", aspect="equal")
+        plan.legend(loc="lower left", labelcolor="black", frameon=True, facecolor="#B0B0B0", markerscale=3.0)
+        for panel in (scope, plan):
+            panel.grid(visible=False)
+        canvas.colorbar(drawn, ax=plan, extend="both", fraction=0.046, pad=0.02).set_label("signal-to-noise ratio [dB]")
+        write_png(path, canvas)

@@ -18,13 +18,15 @@ from radcal.errors import ConfigError
 from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import noise_floor_db
 from radcal.scene.model import Scene
+from radcal.sections.ppi import Ppi
+from radcal.sections.radar import Signals
 from radcal.seeds import derived_rng
 from radcal.speckle.response import taylor_weights
 
 LIGHT_MPS = 299_792_458.0
 BEAM = 4096
 """Intervals of the table of the beam, from null to null."""
-_NOISE_W_PER_HZ = 1.380649e-23 * 290.0  # thermal noise at the standard temperature of noise figures
+_NOISE_W_PER_HZ = 1.380649e-23 * 290.0  # thermal noise at the temperature of noise figures (IEEE Std 686-2017)
 _GUARD = 1.1  # ratio of the pulse rate to the least one, and of the window of slant range to the swath
 _LONGEST = 0.8  # largest place in the beam, from its middle to its null, of what is focused; it is 25 dB down there
 _PARTS = 4096  # of the processed band of azimuth frequencies
@@ -201,6 +203,27 @@ def carrier_hz(radar: Radar) -> float:
     raise ConfigError(f"radar.band is {radar.band!r}, which names no known band, expected radar.frequency_ghz with it.")
 
 
+def pulse_snr_m2(config: Signals | Ppi, wavelength_m: float) -> float:
+    """Signal-to-noise ratio of the echo of 1 m2 at 1 m in one pulse [m2], in a receiver that is matched to the pulse.
+
+    Parameters
+    ----------
+    config : Signals or Ppi
+        Section with power, length of the pulse, gain of the antenna and noise figure. With a matched filter the energy
+        of the pulse counts, not its bandwidth.
+    wavelength_m : float
+        Wavelength [m].
+
+    References
+    ----------
+    Richards, "Fundamentals of Radar Signal Processing", 2nd edition, McGraw-Hill (2014), section 2.2.
+    """
+    assert config.power_w is not None  # noqa: S101 - asked for with a power
+    gain, figure = (10.0 ** (db / 10.0) for db in (config.gain_db, config.noise_figure_db))
+    energy_j = config.power_w * config.pulse_us * 1e-6 * (gain * wavelength_m) ** 2 / (4.0 * math.pi) ** 3
+    return float(energy_j / (_NOISE_W_PER_HZ * figure))
+
+
 def azimuth_weights(one: Collection) -> tuple[Doubles, Doubles]:
     """Weights of pulses over the processed band of azimuth frequencies: Taylor's for each look, and beam.
 
@@ -304,11 +327,7 @@ def collection(case: Part, scene: Scene) -> Collection:
         incidence = 90.0 - radar.depression_deg
         floor = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), incidence)
         return replace(one, noise_m2=10.0 ** (float(floor) / 10.0) / nesz(one, ground.middle_m, incidence))
-    density = _NOISE_W_PER_HZ * 10.0 ** (signals.noise_figure_db / 10.0)
-    # power of the echo of 1 m2 at the middle of the swath, times the length of the pulse: its energy
-    gain = 10.0 ** (signals.gain_db / 10.0)
-    energy = signals.power_w * signals.pulse_us * 1e-6 * (gain * wavelength) ** 2 / ((4.0 * np.pi) ** 3 * middle**4)
-    return replace(one, noise_m2=density * samples / energy)
+    return replace(one, noise_m2=samples * middle**4 / pulse_snr_m2(signals, wavelength))
 
 
 @dataclass(frozen=True)
