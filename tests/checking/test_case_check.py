@@ -169,7 +169,6 @@ def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
 
 
 @pytest.mark.slow
-@pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
 def test_a_sentinel1_product_is_told(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     with warnings.catch_warnings():
@@ -260,7 +259,6 @@ def test_a_right_case_on_the_map_has_no_problem(on_the_map):
     assert "heading_missing" in [one.code for one in found.findings]
 
 
-@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_an_image_without_a_crs_is_told_so(on_the_map):
     values = np.random.default_rng(5).normal(-12, 2, (7, 9)).astype("float32")
     write_raster("half.tif", values, crs="EPSG:32631")

@@ -17,11 +17,6 @@ from radcal.checking.case_check import check_case
 from radcal.cli import app
 from radcal.config import load
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
-    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
-]
-
 
 def new(*arguments):
     return CliRunner().invoke(app, ["new", *map(str, arguments)])

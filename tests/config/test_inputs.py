@@ -100,7 +100,6 @@ def test_an_earlier_case_without_runs_is_refused(tmp_path):
     check_reuse(case_from({}), tmp_path / "nowhere")
 
 
-@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_files_of_one_polarisation_of_a_product_are_inputs(tmp_path):
     safe = write_product(tmp_path)
     radar = {"polarisation": "VV", "band": "C"}

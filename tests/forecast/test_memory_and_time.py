@@ -14,11 +14,6 @@ from radcal.radar.projection import make_geometry
 from radcal.radar.size import image_size, refinement
 from radcal.scene.base import SceneSize
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
-    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
-]
-
 
 def write(path, values, pixel_m):
     where = {"crs": "EPSG:32631", "transform": from_origin(6e5, 5.8e6, pixel_m, pixel_m)}

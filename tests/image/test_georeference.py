@@ -15,8 +15,6 @@ from radcal.errors import MeasurementError
 from radcal.image.georeference import map_pixel_m, read_at_ground
 from radcal.image.raster import Header, RasterReader
 
-pytestmark = pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning")  # of rasterio about affine
-
 UTM = "EPSG:32631"
 WEST, SOUTH, CELL_M = 600_000.0, 5_780_000.0, 5.0
 SCENE = (CELL_M, 0.0, WEST, 0.0, CELL_M, SOUTH)

@@ -10,8 +10,6 @@ from radcal.errors import MeasurementError
 from radcal.image.raster import Header, RasterReader
 from radcal.measurement.sources import make_measurement
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
 CONFIG = FileMeasurement(path="a.tif", scale="power", radiometry="sigma0_ref")
 NORMALISATION = "PROCESSING_INFORMATION_OUTPUT_BACKSCATTER_NORMALIZATION_CONVENTION"
 

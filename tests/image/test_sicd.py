@@ -15,8 +15,6 @@ from radcal.image.sicd import SicdReader
 from radcal.measurement.sources import make_measurement
 from radcal.reading.images import Counts
 
-pytestmark = pytest.mark.filterwarnings("ignore:(read|open)_text is deprecated:DeprecationWarning")  # in sarkit
-
 ROWS, COLUMNS = 24, 18
 SHAPE = (ROWS, COLUMNS)
 SPACING = {"Row": 1.5, "Col": 2.5}

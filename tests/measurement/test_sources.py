@@ -16,8 +16,6 @@ from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import invert, warp
 from radcal.simulators.builtin import BuiltinSimulator
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
 
 class NoSimulator:
     """A file needs no simulator."""

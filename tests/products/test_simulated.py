@@ -23,8 +23,6 @@ from radcal.sections.ppi import Products
 from radcal.seeds import noise_seed
 from radcal.storage.runs import RunStore
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
 
 @pytest.fixture
 def case(tmp_path):

@@ -11,7 +11,6 @@ from radcal.reading.arrays import read_array
 
 
 @pytest.mark.parametrize(("band", "scale", "offset"), [(1, 1.0, 5.0), (2, 3.0, 0.0), (3, 0.5, -2.0)])
-@pytest.mark.filterwarnings("ignore:Dataset has no geotransform")
 def test_scale_and_offset_are_those_of_the_band(tmp_path, band, scale, offset):
     stored = np.arange(24, dtype=np.float32).reshape(3, 2, 4) ** 2
     with rasterio.open(tmp_path / "b.tif", "w", driver="GTiff", width=4, height=2, count=3, dtype="float32") as raster:

@@ -184,7 +184,6 @@ def test_headers_and_world_files_are_inputs(tmp_path):
     assert raster_files(write(tmp_path / "a.tif")) == [tmp_path / "a.tfw"]
 
 
-@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_formats_with_numbers_in_other_files_are_refused(tmp_path):
     """An HFA raster (Erdas Imagine) names the file of its numbers, which may be any."""
     path = write(tmp_path / "image.img", driver="HFA", USE_SPILL="YES")

@@ -19,11 +19,6 @@ from radcal.radar.projection import make_geometry
 from radcal.scene.crs import crs_from, named_datum, same_datum, transformation_findings, vertical_datum
 from radcal.scene.raster import raster_scene
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning"),
-    pytest.mark.filterwarnings("ignore:Use `@` matmul:PendingDeprecationWarning"),  # of rasterio about affine
-]
-
 UTM, EGM96 = "EPSG:32631", "EPSG:32631+5773"
 WEST, SOUTH = 600_000.0, 5_780_000.0  # in Flevoland
 NAMES = {"1": "grass", "2": "water", "3": "dyke"}

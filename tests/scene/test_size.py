@@ -3,7 +3,6 @@
 import json
 
 import numpy as np
-import pytest
 from affine import Affine
 from raster_files import write_raster
 
@@ -28,7 +27,6 @@ def test_size_of_rasters_is_that_of_the_finer_one_in_cells(tmp_path):
     assert scene_size(config) == SceneSize(300, 20.0, 300 * 16)
 
 
-@pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
 def test_size_of_labels_and_of_the_built_in_scene(tmp_path):
     (tmp_path / "names.json").write_text(json.dumps({"1": "grass"}))
     labels = SlantRangeScene(

@@ -30,9 +30,6 @@ def write(tmp_path):
     return write
 
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
-
 @pytest.mark.parametrize("dtype", ["uint8", "uint16", "int16", "int32"])
 def test_labels_are_read(write, dtype):
     scene = slant_range_scene(write(LABELS.astype(dtype)))

@@ -12,8 +12,6 @@ from safe_product import LINES, NAME, PIXELS, STEM, place_of, radar_at, write_pr
 
 from radcal.sentinel1.annotation import annotation_of
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
 
 @pytest.fixture(scope="module")
 def annotation(tmp_path_factory):

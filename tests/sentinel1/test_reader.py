@@ -23,8 +23,6 @@ from radcal.sentinel1.annotation import noise_of
 from radcal.sentinel1.overpass import open_product, overpass_of, overpass_unchecked
 from radcal.sentinel1.reader import Sentinel1Reader
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
 UTM = "EPSG:32633"
 CELL_M, SIDE, HEIGHT_M = 20.0, 30, 120.0
 PASS = {

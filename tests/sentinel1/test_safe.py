@@ -9,8 +9,6 @@ from safe_product import NAME, STEM, write_product
 from radcal.sentinel1.reader import Sentinel1Reader
 from radcal.sentinel1.safe import chosen_image, safe_folder, safe_images
 
-pytestmark = pytest.mark.filterwarnings("ignore::rasterio.errors.NotGeoreferencedWarning")
-
 
 @pytest.mark.parametrize("inside", ["", "manifest.safe"])
 def test_images_are_those_of_the_manifest(tmp_path, inside):

@@ -16,11 +16,6 @@ from radcal.signals.places import site_of
 from radcal.signals.platform import collection
 from radcal.signals.sicd import write_sicd
 
-pytestmark = [
-    pytest.mark.filterwarnings("ignore:(read|open)_text is deprecated:DeprecationWarning"),  # in sarkit
-    pytest.mark.filterwarnings("ignore:Call to deprecated class SICDReader:DeprecationWarning"),  # by sarpy itself
-]
-
 
 def looks_of(made, count, seed=3):
     rng = np.random.default_rng(seed)

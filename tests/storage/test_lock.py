@@ -54,7 +54,6 @@ def another_process(act):
             os.close(number)
 
 
-@pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
 def test_a_claim_is_of_one_run(tmp_path, caplog):
     with another_process(claimed(tmp_path, KEY)), (tmp_path / ".claims").open("r+b") as file:
         with pytest.raises(BlockingIOError):
@@ -75,7 +74,6 @@ def working(folder, said=None):
     yield
 
 
-@pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")
 @pytest.mark.parametrize("said", [None, "1 elsewhere", "unknown"])
 def test_a_folder_in_use_is_left_alone(tmp_path, monkeypatch, said):
     """Process number and host are told; a process of another host may be alive whatever its number says here."""
