@@ -1,6 +1,7 @@
 """Cells, posteriors and images made from arrays, for tests of the assessment."""
 
 import numpy as np
+from archives import image, posterior
 
 from radcal.config import Uncertainty
 from radcal.laws import law_for
@@ -9,7 +10,7 @@ from radcal.posterior.cells import CellMeans
 from radcal.posterior.effects import Observed, Shared, form_basis
 from radcal.posterior.fixed_laws import image_from
 from radcal.posterior.radiometry import Radiometry
-from radcal.posterior.result import Curve, FormError, HeldOut, Image, Posterior, Predicted
+from radcal.posterior.result import Curve, FormError, HeldOut, Predicted
 
 LINE = law_for("tabulated", angles_deg=(20.0, 60.0))
 LINE_BOX = np.array([[-30.0, 10.0], [-40.0, 0.0]])
@@ -89,27 +90,11 @@ def made_posterior(**changes):
     """Posterior of a law with two parameters, known between two angles."""
     three = np.array([0.3, 0.5, 0.9])
     keys = {
-        "sampled": True,
-        "ess": 812.0,
-        "r_hat": 1.01,
-        "steps": 1500,
-        "cells": 240,
-        "fields": 10,
-        "parameters_p05": LINE_X - 1.0,
-        "parameters_p50": LINE_X,
-        "parameters_p95": LINE_X + 1.0,
-        "looks": 3.8,
-        "between_db": three,
-        "within_db": 0.5 * three,
-        "seen_deg": np.array([[21.0, 44.0]]),
-        "parameters_model": LINE_X,
-        "curve": made_curve(),
-        "known_between_deg": (22.25, 39.5),
-        "known_half_width_db": 1.2,
-        "form": made_form(),
-        **changes,
-    }
-    return Posterior(**keys)
+        "cells": 240, "fields": 10, "looks": 3.8, "between_db": three, "within_db": 0.5 * three,
+        "parameters_p05": LINE_X - 1.0, "parameters_p50": LINE_X, "parameters_p95": LINE_X + 1.0,
+        "parameters_model": LINE_X, "curve": made_curve(), "known_half_width_db": 1.2, "form": made_form(),
+    }  # fmt: skip
+    return posterior(**{**keys, **changes})
 
 
 def held_cells(cells=slice(None)):
@@ -134,17 +119,12 @@ def made_radiometry(chance=0.001, term=1, materials=BOTH):
 def made_image(**changes):
     """Image of one pass, of which two fixed materials say that all is right."""
     keys = {
-        "shared": {
-            "0": Shared(1.0, np.array([0.12, 0.03, 0.2, -0.1, 0.3]), np.diag([0.05, 0.01, 0.6, 0.7, 0.8]), (-0.7, 0.3))
-        },
         "levels_db": np.array([[-0.4, 0.1, 0.5]]),
         "laws_db": {"water": np.array([-0.6, 0.1, 0.7]), "wood": np.array([-0.5, -0.1, 0.4])},
         "apart_db": {"water": np.array([-0.3, 0.2, 0.7]), "wood": np.array([-0.4, 0.0, 0.4])},
         "radiometry": {"1": made_radiometry()},
-        "sampled": True,
-        **changes,
     }
-    return Image(**keys)
+    return image(**{**keys, **changes})
 
 
 def image_of_fixed(fixed, areas, config, offset=False, seed=3, declared="sigma0_ref"):
