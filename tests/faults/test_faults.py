@@ -59,6 +59,16 @@ def kill_when(project, condition, *arguments):
     process.wait()
 
 
+def goes_on(project, *arguments):
+    """A command that ends well, and neither loses nor repeats a finished run."""
+    watch, tally = Watch(project), Tally()
+    watch.look(tally)
+    done = project.run(*arguments)
+    assert done.returncode == 0, done.stdout
+    watch.look(tally)
+    assert not any(tally.problems.values())
+
+
 def test_a_kill_of_each_kind_changes_nothing(finished, tmp_path):
     tally = campaign(
         tmp_path, kills=3, seed=5, longest_s=12.0, each=3, expected=result(finished), interpreter=finished.interpreter
@@ -93,12 +103,7 @@ def test_jobs_left_by_a_killed_snakemake_are_waited_for(project):
         time.sleep(0.02)
     process.kill()
     process.wait()
-    watch, tally = Watch(project), Tally()
-    watch.look(tally)
-    done = project.run("design", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    watch.look(tally)
-    assert not any(tally.problems.values())
+    goes_on(project, "design", "--configfile", "tiny.yaml")
     # besides: the measurement is simulated, and a run in flight may be lost
     assert (project.folder / "calls").stat().st_size <= len(project.records()) + 2
 
@@ -234,12 +239,7 @@ def test_a_slow_rename_shows_no_half_file(project, monkeypatch):
             lambda: len(project.records()) >= 4 and any((project.out() / "runs").glob(".partial-*")),
             "design", "--configfile", "tiny.yaml",
         )  # fmt: skip
-    watch, tally = Watch(project), Tally()
-    watch.look(tally)
-    done = project.run("design", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    watch.look(tally)
-    assert not any(tally.problems.values())
+    goes_on(project, "design", "--configfile", "tiny.yaml")
     assert len(project.records()) == 13
     assert not list(project.out().rglob(".partial-*"))
     assert not list(project.out().rglob("*.damaged"))
@@ -255,12 +255,7 @@ def test_a_clock_that_jumps(finished, hours):
         if path.is_file():
             stamp = path.stat().st_mtime_ns - hours * 3600 * 10**9
             os.utime(path, ns=(stamp, stamp))
-    watch, tally = Watch(project), Tally()
-    watch.look(tally)
-    done = project.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    watch.look(tally)
-    assert not any(tally.problems.values())
+    goes_on(project, "--configfile", "tiny.yaml")
     assert result(project) == expected
 
 

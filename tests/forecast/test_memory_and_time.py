@@ -11,8 +11,7 @@ from radcal.config import Radar, case_from
 from radcal.errors import ConfigError
 from radcal.forecast.memory_and_time import memory_mb, runtime_minutes, values_of
 from radcal.radar.projection import make_geometry
-from radcal.radar.size import image_size, refinement
-from radcal.scene.base import SceneSize
+from radcal.radar.size import refinement
 
 
 def write(path, values, pixel_m):
@@ -30,18 +29,6 @@ def rasters(tmp_path):
         "names": str(tmp_path / "names.json"),
         "vertical_datum": "EGM96",
     }
-
-
-@pytest.mark.parametrize(
-    ("range_m", "azimuth_m", "parts"), [(1.5, 2.5, 3), (5.0, 6.0, 1), (0.71, 1.0, 5), (4.0, 2.0, 3)]
-)
-def test_pixels_are_about_those_of_the_geometry(scene, range_m, azimuth_m, parts):
-    """The scene of 40 x 40 cells of 5 m, seen from far."""
-    radar = Radar(altitude_m=20_000.0, range_spacing_m=range_m, azimuth_spacing_m=azimuth_m)
-    size = image_size(SceneSize(1600, 5.0, 1600), radar)
-    assert size.facets == 1600 * parts**2
-    pixels = np.prod(make_geometry(scene, radar).shape)
-    assert 0.8 * size.pixels < pixels <= size.pixels
 
 
 # peaks measured in whole workflows and in benchmarks/simulator_scale.py, which has objects [MB]

@@ -160,13 +160,6 @@ def test_only_slopes_far_from_both_the_simulated_and_constant_gamma_are_refused(
     assert bool(relief(*images, seen, RADAR, "a.tif", 0.0)) == refused
 
 
-def test_flat_ground_says_nothing_of_relief(build_scene, fields):
-    scene = build_scene(lambda *_: np.zeros((220, 220)), cells=(220, 220), names=("dyke", "grass"), material=fields)
-    flat = make_geometry(scene, RADAR)
-    image = image_of(flat, flat.incidence_deg, 0.0)
-    assert relief(image, image_of(flat, flat.incidence_deg, -0.3), flat, RADAR, "a.tif", 0.0) == []
-
-
 def test_an_image_of_another_place_is_refused(seen):
     angle = seen.incidence_deg
     simulated = image_of(seen, angle, -0.22)

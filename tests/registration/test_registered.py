@@ -86,15 +86,6 @@ def test_an_image_in_its_place_is_left_there():
     assert after - before < 0.0015
 
 
-def test_none_takes_the_image_as_it_lies():
-    measurement = measured(field(4.0))
-    found = register(FIXED, measurement, RegistrationConfig(method="none"))
-    assert found.measurement is measurement
-    assert not found.displacement_px.any()
-    assert not found.uncertainty_px.any()
-    assert found.found_px is None
-
-
 @pytest.mark.slow
 def test_ilk_is_an_alternative_with_a_wider_uncertainty(registered):
     found = register(FIXED, measured(field(4.0)), RegistrationConfig(method="ilk"))

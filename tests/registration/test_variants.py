@@ -45,3 +45,8 @@ def test_inverse_of_linear_displacements():
         axes=right[::-1][INSIDE],
         outward=np.stack([-a / (1.0 - a) * (R - 12.0), b / (1.0 + b) * (C - 15.0)])[INSIDE],
     )
+
+
+def test_gaps_stay_gaps():
+    image = np.where((R == 11.0) & (C == 17.0), np.nan, 0.0).astype(np.float32)
+    np.testing.assert_array_equal(warp(image, np.zeros((2, ROWS, COLUMNS))), image)

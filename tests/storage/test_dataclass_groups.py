@@ -150,121 +150,92 @@ def test_a_type_without_a_place_is_refused(tmp_path):
 
 
 @dataclass(frozen=True)
-class Checked:
-    """Mappings, and an image that may be absent.
-
-    Attributes
-    ----------
-    words : tuple of str
-        Warnings.
-    curves : mapping of str to ndarray, shape (n,)
-        A law each [dB].
-    image : ndarray or None
-        Image.
-    """
-
-    words: tuple[str, ...]
-    curves: Mapping[str, NDArray[np.float64]]
-    parts: Mapping[str, Inner]
-    image: NDArray[Any] | None = None
-
-
-def test_each_array_of_a_mapping_is_described_as_the_mapping(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file, Checked((), {"a": np.array([1.0])}, {}))
-        assert file["curves/a"].attrs["description"] == "A law each"
-        assert file["curves/a"].dims[0].label == "n"
-
-
-def test_fields_that_are_not_wanted_are_not_read(tmp_path):
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file, Checked(("one",), {}, {}, image=np.ones(3)))
-        assert take(file, Checked).image is not None
-        assert take(file, Checked, without=("image",)).image is None
-        with pytest.raises(LookupError, match="lacks words"):
-            take(file, Checked, without=("words",))
-
-
-def test_the_table_names_every_place(tmp_path):
-    assert table(Checked).splitlines()[2:] == [
-        "| `words` |  | texts |  | Warnings |",
-        "| `curves/<name>` |  | float64 (n) | dB | A law each |",
-        "| `parts/<name>` |  | group |  |  |",
-        "| `parts/<name>` | `level_db` | number |  |  |",
-        "| `parts/<name>/flags` |  | bool |  |  |",
-        "| `image` |  | numbers, or absent |  | Image |",
-    ]
-    kinds = {row.split("|")[3].strip() for row in table(Outer).splitlines()[2:]}
-    assert kinds >= {"integer", "true or false", "text", "numbers", "texts", "float32", "group", "float64"}
-
-
-@dataclass(frozen=True)
 class Documented:
     """Levels of an image.
 
     Attributes
     ----------
-    low_db, high_db : ndarray, shape (n,)
+    angle_deg : ndarray, shape (a,), dimension scale
+        Angle [deg].
+    low_db, high_db : ndarray, shape (m, a)
         Ends of each level [dB], as
         :meth:`radcal.somewhere.Other.ends` gives them.
     ratio : float
         Ratio of [dB] to [deg]; ``none`` if unknown.
     count : mapping
         Number of pixels by reason.
+    words : tuple of str
+        Warnings.
+    curves : mapping of str to ndarray, shape (n,)
+        A law each [dB].
+    image : ndarray or None, shape (a,)
+        Image.
     """
 
+    angle_deg: NDArray[np.float64]
     low_db: NDArray[np.float64]
     high_db: NDArray[np.float64]
     ratio: float
     count: Mapping[str, int]
+    words: tuple[str, ...]
+    curves: Mapping[str, NDArray[np.float64]]
+    parts: Mapping[str, Inner]
+    image: NDArray[Any] | None = None
 
 
-def test_fields_are_described_in_the_docstring(tmp_path):
-    ends = "Ends of each level, as `ends` gives them"
+ENDS = "Ends of each level, as `ends` gives them"
+LEVELS = np.arange(6.0).reshape(2, 3)
+DOCUMENTED = Documented(
+    np.array([20.0, 35.0, 60.0]), LEVELS, LEVELS + 1.0, 1.5, {"in shadow": 4}, ("one",), {"a": np.array([1.0])}, {},
+    np.ones(3),
+)  # fmt: skip
+
+
+@pytest.fixture
+def documented(tmp_path):
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        put(file, DOCUMENTED)
+    with h5py.File(tmp_path / "a.h5", "r") as file:
+        yield file
+
+
+def test_fields_that_are_not_wanted_are_not_read(documented):
+    assert take(documented, Documented).image is not None
+    assert take(documented, Documented, without=("image",)).image is None
+    with pytest.raises(LookupError, match="lacks words"):
+        take(documented, Documented, without=("words",))
+
+
+def test_the_table_names_every_place_with_its_description():
     assert table(Documented).splitlines()[2:] == [
-        f"| `low_db` |  | float64 (n) | dB | {ends} |",
-        f"| `high_db` |  | float64 (n) | dB | {ends} |",
+        "| `angle_deg` |  | float64 (a) | deg | Angle |",
+        f"| `low_db` |  | float64 (m, a) | dB | {ENDS} |",
+        f"| `high_db` |  | float64 (m, a) | dB | {ENDS} |",
         "| `/` | `ratio` | number |  | Ratio of [dB] to [deg]; `none` if unknown |",
         "| `count` | `<name>` | integer |  | Number of pixels by reason |",
+        "| `words` |  | texts |  | Warnings |",
+        "| `curves/<name>` |  | float64 (n) | dB | A law each |",
+        "| `parts/<name>` |  | group |  |  |",
+        "| `parts/<name>` | `level_db` | number |  |  |",
+        "| `parts/<name>/flags` |  | bool |  |  |",
+        "| `image` |  | numbers (a), or absent |  | Image |",
     ]
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file, Documented(np.zeros(2), np.ones(2), 1.5, {"in shadow": 4}))
-        assert dict(file["low_db"].attrs)["description"] == ends
-        assert dict(file["low_db"].attrs)["unit"] == "dB"
-        assert file["high_db"].dims[0].label == "n"
-        assert dict(file["count"].attrs) == {"in shadow": 4}
+    kinds = {row.split("|")[3].strip() for row in table(Outer).splitlines()[2:]}
+    assert kinds >= {"integer", "true or false", "text", "numbers", "texts", "float32", "group", "float64"}
 
 
-@dataclass(frozen=True)
-class Scaled:
-    """Levels at angles.
-
-    Attributes
-    ----------
-    angle_deg : ndarray, shape (a,), dimension scale
-        Angle [deg].
-    level_db : ndarray, shape (m, a)
-        Level [dB].
-    plain : ndarray, shape (m,)
-        Others.
-    unknown : ndarray or None, shape (a,)
-        Absent.
-    """
-
-    angle_deg: NDArray[np.float64]
-    level_db: NDArray[np.float64]
-    plain: NDArray[np.float64]
-    unknown: NDArray[np.float64] | None = None
+def test_fields_are_described_in_the_file(documented):
+    assert dict(documented["low_db"].attrs)["description"] == ENDS
+    assert dict(documented["low_db"].attrs)["unit"] == "dB"
+    assert dict(documented["count"].attrs) == {"in shadow": 4}
+    assert documented["curves/a"].attrs["description"] == "A law each"
+    assert documented["curves/a"].dims[0].label == "n"
 
 
-def test_dimension_scales_lead_from_values_to_their_coordinate(tmp_path):
-    given = Scaled(np.array([20.0, 35.0, 60.0]), np.arange(6.0).reshape(2, 3), np.array([1.0, 2.0]))
-    with h5py.File(tmp_path / "a.h5", "w") as file:
-        put(file, given)
-    with h5py.File(tmp_path / "a.h5", "r") as file:
-        assert file["angle_deg"].is_scale
-        assert [one.label for one in file["level_db"].dims] == ["m", "a"]
-        assert len(file["level_db"].dims[0]) == len(file["plain"].dims[0]) == 0
-        assert file["level_db"].dims[1][0][()].tolist() == [20.0, 35.0, 60.0]
-        assert not file["plain"].is_scale
-        assert same(take(file, Scaled), given)
+def test_dimension_scales_lead_from_values_to_their_coordinate(documented):
+    assert documented["angle_deg"].is_scale
+    assert [one.label for one in documented["high_db"].dims] == ["m", "a"]
+    assert len(documented["high_db"].dims[0]) == len(documented["curves/a"].dims[0]) == 0
+    assert documented["high_db"].dims[1][0][()].tolist() == [20.0, 35.0, 60.0]
+    assert not documented["curves/a"].is_scale
+    assert same(take(documented, Documented), DOCUMENTED)

@@ -36,21 +36,6 @@ def files(store):
     return sorted(path.name for path in store.folder.glob("[!.]*")) if store.folder.exists() else []
 
 
-def test_a_run_is_simulated_once(runner, store, simulator, geometry):
-    first = runner.run(X, 7)
-    again = runner.run(X, 7)
-    assert simulator.calls == 1
-    assert files(store) == [f"{first.key}.h5"]
-    assert again.key == first.key
-    assert again.seconds == first.seconds >= 0
-    image = simulator.run(X, 7)
-    assert list(first.pixels_db) == list(again.pixels_db) == ["dyke"]
-    for record in (first, again):
-        np.testing.assert_array_equal(record.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
-        assert record.pixels_db["dyke"].dtype == np.float32
-        assert record.image_db is None
-
-
 def test_a_run_with_the_pixels_of_another_geometry_is_made_again(runner, store, simulator, geometry, case):
     """A later version may see a little more or less of the ground: pixels in an order of their own."""
     material = geometry.material.copy()
@@ -201,18 +186,6 @@ def test_damaged_record_is_set_aside_and_made_again(runner, store, simulator, da
     assert simulator.calls == 2
 
 
-def test_asking_for_the_image_upgrades_the_record(runner, store, simulator):
-    assert runner.run(X, 7).image_db is None
-    whole = runner.run(X, 7, image=True)
-    assert simulator.calls == 2
-    np.testing.assert_array_equal(whole.image_db, simulator.run(X, 7))
-    calls = simulator.calls
-    np.testing.assert_array_equal(runner.run(X, 7, image=True).image_db, whole.image_db)
-    assert runner.run(X, 7).image_db is not None
-    assert simulator.calls == calls
-    assert len(files(store)) == 1
-
-
 class Broken(Counting):
     def __init__(self, shape, image):
         super().__init__(shape)
@@ -247,17 +220,6 @@ def test_image_of_another_size_leaves_no_record(store, geometry, case, shape):
     with pytest.raises(SimulatorError, match=rf"the simulator's image has .* expected \({rows}, {columns}\)"):
         Runner(store, Broken(geometry.shape, np.zeros(shape)), geometry, "scene", case).run(X, 7)
     assert files(store) == []
-
-
-def test_record_that_cannot_be_written_leaves_nothing(store):
-    record = Record("a" * 20, {"dyke": np.zeros(5, dtype=np.float32)}, None, 0.1)
-    with pytest.raises(TypeError):
-        store.put(record, {"not": {"json", "data"}})
-    assert files(store) == []
-    assert store.get(record.key, ["dyke"]) is None
-    store.put(record, {})
-    assert store.get(record.key, ["dyke"]) is not None
-    assert store.get(record.key, ["dyke", "grass"]) is None
 
 
 def test_record_of_another_schema_is_refused_and_kept(runner, store, simulator):
