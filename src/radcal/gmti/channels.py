@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,7 +15,7 @@ from radcal.gmti.adaptive import Complex, Interval
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, derived_seed
 from radcal.signals.history import echoes
-from radcal.signals.platform import LIGHT_MPS, Collection
+from radcal.signals.platform import Collection, check_prf
 from radcal.signals.scatterers import Scatterers, scatterers
 
 Array = NDArray[np.floating[Any]]
@@ -86,30 +85,15 @@ def interval_of(case: Part, one: Collection) -> Interval:
         raise ConfigError(
             "signals: moving targets are found in stripmap at zero Doppler, expected no squint_deg or mode."
         )
-    if config.prf_hz < (least := 4.0 * one.speed_mps / one.antenna_m):
-        raise ConfigError(
-            f"gmti.prf_hz is {config.prf_hz:g}, below the band of the beam from null to null, expected at least "
-            f"{math.ceil(least)} at signals.speed_mps {one.speed_mps:g}."
-        )
-    unambiguous, swath = LIGHT_MPS / (2.0 * config.prf_hz), LIGHT_MPS / (2.0 * one.step_hz)
-    if swath > unambiguous:
-        raise ConfigError(
-            f"gmti.prf_hz is {config.prf_hz:g}: the swath of {swath:.0f} m in slant range is beyond the unambiguous "
-            f"range of {unambiguous:.0f} m, expected at most {LIGHT_MPS / (2.0 * swath):.0f}."
-        )
+    least, swath = 4.0 * one.speed_mps / one.antenna_m, one.samples * one.gate_m
+    check_prf("gmti", config.prf_hz, least, "from null to null", one.speed_mps, swath)
     if one.samples < (needed := 2 * (config.training + 3)):
         raise ConfigError(
             f"gmti: the swath has {one.samples} gates, expected at least {needed} for {config.training} training "
             "gates: choose fewer gmti.channels or gmti.pulses."
         )
-    return Interval(
-        config.channels,
-        config.pulses,
-        config.spacing_m or one.antenna_m,
-        one.speed_mps,
-        config.prf_hz,
-        one.wavelength_m,
-    )
+    spacing = config.spacing_m or one.antenna_m
+    return Interval(config.channels, config.pulses, spacing, one.speed_mps, config.prf_hz, one.wavelength_m)
 
 
 def movers_of(case: Part, scene: Scene) -> Movers:

@@ -72,6 +72,7 @@ def tracked(scans: Sequence[tuple[float, Array]], error: Sequence[float]) -> lis
     from stonesoup.models.measurement.linear import LinearGaussian
     from stonesoup.models.transition.linear import CombinedLinearGaussianTransitionModel, ConstantVelocity
     from stonesoup.predictor.kalman import KalmanPredictor
+    from stonesoup.tracker.simple import MultiTargetTracker
     from stonesoup.types.detection import Detection
     from stonesoup.types.state import GaussianState
     from stonesoup.updater.kalman import KalmanUpdater
@@ -81,7 +82,6 @@ def tracked(scans: Sequence[tuple[float, Array]], error: Sequence[float]) -> lis
     motion = CombinedLinearGaussianTransitionModel([ConstantVelocity(_ACCELERATION)] * 2)
     updater = KalmanUpdater(measured)
     nearest = GNNWith2DAssignment(DistanceHypothesiser(KalmanPredictor(motion), updater, Mahalanobis(), _GATE))
-    ending = UpdateTimeStepsDeleter(_MISSED)
     beginning = MultiMeasurementInitiator(
         GaussianState(np.zeros(4), np.diag([0.0, _FASTEST_MPS**2] * 2)),
         UpdateTimeStepsDeleter(1),
@@ -90,21 +90,13 @@ def tracked(scans: Sequence[tuple[float, Array]], error: Sequence[float]) -> lis
         measured,
         _FEWEST,
     )
-    running, every = set[Any](), list[Any]()
-    for seconds, rows in scans:
-        time = _START + timedelta(seconds=float(seconds))
-        detections = {Detection(row[:, None], time, measurement_model=measured) for row in rows}
-        used = set()
-        for track, hypothesis in nearest.associate(running, detections, time).items():
-            if hypothesis:
-                track.append(updater.update(hypothesis))
-                used.add(hypothesis.measurement)
-            else:
-                track.append(hypothesis.prediction)
-        running -= ending.delete_tracks(running)
-        begun = beginning.initiate(detections - used, time)
-        running |= begun
-        every += begun
+    times = ((_START + timedelta(seconds=float(seconds)), rows) for seconds, rows in scans)
+    detected = (
+        (time, {Detection(row[:, None], time, measurement_model=measured) for row in rows}) for time, rows in times
+    )
+    every = set[Any]()
+    for _, running in MultiTargetTracker(beginning, UpdateTimeStepsDeleter(_MISSED), detected, nearest, updater):
+        every |= running
     return sorted((_track(one.states) for one in every), key=lambda one: (one.seconds[0], *one.place_m[0]))
 
 

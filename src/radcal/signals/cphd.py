@@ -67,8 +67,8 @@ def _tree(made: Forward, one: Collection, site: Site, layout: str) -> Any:
     case, frequency, pulses, spotlight = made.case, one.frequency_hz, len(one.track_m), one.spot_m is not None
     channel, toa = case.radar.polarisation, 0.5 * _USED / one.step_hz
     # axes of the image plane: the second lies to the left of the first, seen from above
-    right = case.radar.look_side == "right"
-    axes = np.array([site.ground, site.azimuth] if right else [site.azimuth, site.ground])
+    right = one.side > 0.0
+    axes = site.axes[[1, 0] if right else [0, 1]]
     ny, nx = made.scene.material.shape
     half = 0.5 * made.scene.cell_m * np.array([nx, ny] if right else [ny, nx], dtype=np.float64)
     corners = site.origin_m + np.array([[-1, -1], [-1, 1], [1, 1], [1, -1]]) * half @ axes

@@ -44,12 +44,10 @@ def image_places(made: Flown) -> NDArray[np.float64]:
 
 @dataclass(frozen=True)
 class Site:
-    """Earth-centred coordinates of the scene's middle, and unit vectors along azimuth, ground range and up."""
+    """Scene's middle and unit vectors along azimuth, ground range and up, in earth-centred coordinates."""
 
     origin_m: Doubles
-    azimuth: Doubles
-    ground: Doubles
-    up: Doubles
+    axes: Doubles
     middle_m: Doubles  # coordinates of the scene's middle in azimuth, ground range and elevation
 
     def ecf(self, place_m: Doubles) -> Doubles:
@@ -58,7 +56,7 @@ class Site:
 
     def turned(self, vector: Doubles) -> Doubles:
         """Earth-centred components of vectors, shape (n, 3)."""
-        return np.asarray(vector @ np.stack([self.azimuth, self.ground, self.up]))
+        return np.asarray(vector @ self.axes)
 
 
 def origin(case: Part, scene: Scene) -> tuple[float, float]:
@@ -88,7 +86,7 @@ def site_of(case: Part, scene: Scene, one: Collection) -> Site:
     mean, heading = float(scene.elevation_m.mean()), np.radians(case.radar.heading_deg)
     llh = np.array([*origin(case, scene), mean])
     north, east = wgs84.north(llh), wgs84.east(llh)
-    right = np.cos(heading) * east - np.sin(heading) * north
+    ground = one.side * (np.cos(heading) * east - np.sin(heading) * north)
     middle = np.array([0.5 * scene.elevation_m.shape[0] * scene.cell_m, one.reference_m[0, 1], mean])
     azimuth = np.cos(heading) * north + np.sin(heading) * east
-    return Site(wgs84.geodetic_to_cartesian(llh), azimuth, one.side * right, wgs84.up(llh), middle)
+    return Site(wgs84.geodetic_to_cartesian(llh), np.stack([azimuth, ground, wgs84.up(llh)]), middle)

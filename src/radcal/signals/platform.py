@@ -377,18 +377,35 @@ def _antenna_and_prf(case: Part, ground: _Swath, wavelength: float, half: float)
         )
     least_hz = 2.0 * signals.speed_mps * (edge / wavelength + 1.0 / antenna)
     prf = signals.prf_hz or _GUARD * least_hz
-    if prf < least_hz:
-        raise ConfigError(
-            f"signals.prf_hz is {prf:g}, below the band of the beam that folds into the image, expected at least "
-            f"{math.ceil(least_hz)} at signals.speed_mps {signals.speed_mps:g}."
-        )
     swath = (ground.far_m - ground.near_m) / math.sqrt(1.0 - squint**2)
-    if swath > LIGHT_MPS / (2.0 * prf):
-        raise ConfigError(
-            f"signals.prf_hz is {prf:g}: the swath of {swath:.0f} m in slant range is beyond the unambiguous "
-            f"range of {LIGHT_MPS / (2.0 * prf):.0f} m, expected at most {LIGHT_MPS / (2.0 * swath):.0f}."
-        )
+    check_prf("signals", prf, least_hz, "that folds into the image", signals.speed_mps, swath)
     return antenna, prf
+
+
+def check_prf(section: str, prf_hz: float, least_hz: float, part: str, speed_mps: float, swath_m: float) -> None:
+    """Raise an error if the pulse rate of a section does not suit beam and swath.
+
+    Parameters
+    ----------
+    section : str
+        Section with the key ``prf_hz``.
+    prf_hz, least_hz : float
+        Pulse rate, and the band of the beam that it must hold.
+    part : str
+        Which part of the beam that is.
+    speed_mps, swath_m : float
+        Speed of the platform, and length of the swath in slant range.
+    """
+    if prf_hz < least_hz:
+        raise ConfigError(
+            f"{section}.prf_hz is {prf_hz:g}, below the band of the beam {part}, expected at least "
+            f"{math.ceil(least_hz)} at signals.speed_mps {speed_mps:g}."
+        )
+    if swath_m > (unambiguous := LIGHT_MPS / (2.0 * prf_hz)):
+        raise ConfigError(
+            f"{section}.prf_hz is {prf_hz:g}: the swath of {swath_m:.0f} m in slant range is beyond the unambiguous "
+            f"range of {unambiguous:.0f} m, expected at most {LIGHT_MPS / (2.0 * swath_m):.0f}."
+        )
 
 
 def _motion(pulses: int, rms_m: float, length: float, seed: int) -> Doubles:

@@ -9,7 +9,6 @@ version 1.4.0 (2023).
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -30,21 +29,6 @@ _SPACE = "urn:SICD:1.4.0"
 _LEVEL_GROUND = ("sigma0_ref", "sigma0", "beta0", "gamma0")  # radiometries of areas on level ground
 
 Doubles = NDArray[np.float64]
-
-
-@dataclass(frozen=True)
-class _Grid:
-    """Where the middle pixel of an image lies, and when and from where it is seen at zero Doppler."""
-
-    pixel: tuple[int, int]  # row and column of the file
-    place_m: Doubles  # in azimuth, ground range and elevation
-    antenna_m: Doubles
-    along: float  # direction of the columns: 1 along the flight, -1 against it
-    seconds: float
-
-    @property
-    def slant_m(self) -> float:
-        return float(np.linalg.norm(self.antenna_m - self.place_m))
 
 
 def write_sicd(stem: Path, made: Forward, looks: Iterable[NDArray[np.complex64]], apart: bool) -> list[Path | Finding]:
@@ -75,58 +59,43 @@ def write_sicd(stem: Path, made: Forward, looks: Iterable[NDArray[np.complex64]]
         site, began = site_of(made.case, made.scene, one), start_utc(made.case)
     except ConfigError as error:
         return [Finding("file_left_out", "note", "SICD", {"why": str(error)})]
-    paths, grid = list[Path | Finding](), _grid_of(made, one)
+    paths, width = list[Path | Finding](), one.band / one.looks
     level = 1.0 / of_sigma0(made.case.radar.radiometry, made.geometry.flat_incidence_deg)
     for k, look in enumerate(looks):
         pixels = (look * np.sqrt(level).astype(np.float32)[:, None]).astype(np.complex64)
-        tree = _tree(made, one, site, grid, began, _band(one, k) if apart else _band(one, None))
+        middle = (k - 0.5 * (one.looks - 1)) * width if apart else 0.0
+        tree = _tree(made, one, site, began, middle, width)
         path = stem.with_name(stem.name + f"_look{k + 1}" * (one.looks > 1) + ".nitf")
         paths.append(path)
-        _write(path, tree, pixels if grid.along > 0 else pixels[:, ::-1], f"{made.case.case}-{made.key}")
+        _write(path, tree, pixels if one.side > 0.0 else pixels[:, ::-1], f"{made.case.case}-{made.key}")
     return paths
 
 
-def _grid_of(made: Forward, one: Collection) -> _Grid:
-    """Grid whose middle pixel lies on the ground."""
-    assert made.scene.elevation_m is not None  # noqa: S101 - collection() has refused it
-    radar, (rows, columns) = made.case.radar, made.geometry.shape
-    row, column = rows // 2, columns // 2
-    place = image_places(made)[row, column]
-    antenna = np.array([place[0], 0.0, made.scene.elevation_m.mean() + line_of_sight(radar).height_m])
-    along = 1.0 if radar.look_side == "right" else -1.0
-    seconds = float((place[0] - one.track_m[0, 0]) / one.speed_mps)
-    return _Grid((row, column if along > 0 else columns - 1 - column), place, antenna, along, seconds)
+def _tree(made: Forward, one: Collection, site: Site, began: datetime, middle: float, width: float) -> Any:
+    """Metadata of a look with a band of azimuth frequencies, along the flight [1/m]; the middle pixel is on the ground.
 
-
-def _band(one: Collection, look: int | None) -> tuple[float, float]:
-    """Middle and width of a look's band of azimuth frequencies [1/m], along the flight."""
-    width = one.band / one.looks
-    return (0.0 if look is None else (look - 0.5 * (one.looks - 1)) * width), width
-
-
-def _tree(made: Forward, one: Collection, site: Site, grid: _Grid, began: datetime, band: tuple[float, float]) -> Any:
-    """Metadata of a look."""
+    Columns run along the flight if the radar looks to the right, else against it.
+    """
     from lxml import etree
     from sarkit import sicd, wgs84
 
-    radar, speed = made.case.radar, one.speed_mps
-    (rows, columns), (row, column) = made.geometry.shape, grid.pixel
-    line = grid.place_m - grid.antenna_m
-    unit = line / grid.slant_m
-    scp, velocity = site.ecf(grid.place_m[None])[0], site.turned(np.array([[speed, 0.0, 0.0]]))[0]
-    start = site.ecf((grid.antenna_m - [grid.seconds * speed, 0.0, 0.0])[None])[0]
-    ends = np.array([(0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)]) - grid.pixel
-    slant = grid.slant_m + ends[:, 0] * radar.range_spacing_m
-    corners = np.stack([
-        grid.place_m[0] + grid.along * ends[:, 1] * radar.azimuth_spacing_m,
-        np.sqrt(slant**2 - line[2] ** 2),
-        np.full(4, grid.place_m[2]),
-    ], axis=1)  # fmt: skip
+    assert made.scene.elevation_m is not None  # noqa: S101 - collection() has refused it
+    radar, speed, along, (rows, columns) = made.case.radar, one.speed_mps, one.side, made.geometry.shape
+    row, column = rows // 2, columns // 2
+    place = image_places(made)[row, column]
+    antenna = np.array([place[0], 0.0, made.scene.elevation_m.mean() + line_of_sight(radar).height_m])
+    line, seconds = place - antenna, float((place[0] - one.track_m[0, 0]) / speed)
+    slant_m, column = float(np.linalg.norm(line)), column if along > 0.0 else columns - 1 - column
+    scp, start = site.ecf(np.stack([place, antenna - [seconds * speed, 0.0, 0.0]]))
+    unit, velocity = site.turned(np.stack([line / slant_m, [speed, 0.0, 0.0]]))
+    ends = np.array([(0, 0), (0, columns - 1), (rows - 1, columns - 1), (rows - 1, 0)]) - [row, column]
+    ground = np.sqrt((slant_m + ends[:, 0] * radar.range_spacing_m) ** 2 - line[2] ** 2)
+    azimuth = place[0] + along * ends[:, 1] * radar.azimuth_spacing_m
+    corners = np.stack([azimuth, ground, np.full(4, place[2])], axis=1)
     duration, frequency = (len(one.track_m) - 1) / one.prf_hz, one.frequency_hz
-    middle, width = grid.along * band[0], band[1]
-    sine = 0.5 * one.wavelength_m * band[0]
+    sine = 0.5 * one.wavelength_m * middle
     # a pixel is seen in the middle of the look's band before or after its zero Doppler
-    seen = [[grid.seconds - sine * grid.slant_m / speed, grid.along / speed], [-sine / speed, 0.0]]
+    seen = [[seconds - sine * slant_m / speed, along / speed], [-sine / speed, 0.0]]
     bandwidth = 2.0 * (frequency[-1] - frequency[0] + one.step_hz) / LIGHT_MPS
 
     def axis(
@@ -160,10 +129,10 @@ def _tree(made: Forward, one: Collection, site: Site, grid: _Grid, began: dateti
         },
         "Grid": {
             "ImagePlane": "SLANT", "Type": "RGZERO", "TimeCOAPoly": np.array(seen),
-            "Row": axis(site.turned(unit[None])[0], radar.range_spacing_m, radar.range_resolution_m, bandwidth,
+            "Row": axis(unit, radar.range_spacing_m, radar.range_resolution_m, bandwidth,
                         2.0 * one.middle_hz / LIGHT_MPS, 0.0),
-            "Col": axis(grid.along * velocity / speed, radar.azimuth_spacing_m, radar.azimuth_resolution_m, width, 0.0,
-                        middle),
+            "Col": axis(along * velocity / speed, radar.azimuth_spacing_m, radar.azimuth_resolution_m, width, 0.0,
+                        along * middle),
         },
         "Timeline": {"CollectStart": began, "CollectDuration": duration},
         "Position": {"ARPPoly": np.stack([start, velocity])},
@@ -179,7 +148,7 @@ def _tree(made: Forward, one: Collection, site: Site, grid: _Grid, began: dateti
         "RMA": {
             "RMAlgoType": "RG_DOP", "ImageType": "INCA",
             "INCA": {
-                "TimeCAPoly": np.array([grid.seconds, grid.along / speed]), "R_CA_SCP": grid.slant_m,
+                "TimeCAPoly": np.array([seconds, along / speed]), "R_CA_SCP": slant_m,
                 "FreqZero": one.middle_hz, "DRateSFPoly": np.array([[1.0]]),
             },
         },
