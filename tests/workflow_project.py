@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+import signal
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -11,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import yaml
 from raster_files import write_raster
+from waiting import wait_until
 
 ROOT = Path(__file__).resolve().parents[1]
 ROWS, COLUMNS = 96, 80
@@ -99,6 +101,12 @@ class Project:
             check=False,
         )
 
+    def ended(self, *arguments, cores=2):
+        """Output of a command that must succeed."""
+        done = self.run(*arguments, cores=cores)
+        assert done.returncode == 0, done.stdout
+        return done.stdout
+
     def radcal(self, *arguments):
         """Run the command ``radcal run``, which no activated environment helps to find Python."""
         return subprocess.run(
@@ -120,6 +128,13 @@ class Project:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
+
+    def killed_when(self, condition, *arguments):
+        """Begin a command, and kill it with its jobs once a condition is met."""
+        process = self.start(*arguments)
+        wait_until(condition, process)
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
     def out(self, case="tiny"):
         return self.folder / "results" / case

@@ -3,16 +3,15 @@
 import json
 import os
 import shutil
-import signal
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
 import yaml
 from faults.kills import Tally, Watch, campaign, result
 from sealed import DAMAGES
+from waiting import wait_until
 from workflow_project import sentences
 
 from radcal.radar.geometry import read_geometry
@@ -48,23 +47,11 @@ def simulated(project, seconds):
     )
 
 
-def kill_when(project, condition, *arguments):
-    process = project.start(*arguments)
-    deadline = time.time() + 300
-    while not condition():
-        assert process.poll() is None, "the workflow ended before it could be killed"
-        assert time.time() < deadline
-        time.sleep(0.02)
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
-
-
 def goes_on(project, *arguments):
     """A command that ends well, and neither loses nor repeats a finished run."""
     watch, tally = Watch(project), Tally()
     watch.look(tally)
-    done = project.run(*arguments)
-    assert done.returncode == 0, done.stdout
+    project.ended(*arguments)
     watch.look(tally)
     assert not any(tally.problems.values())
 
@@ -85,10 +72,9 @@ def test_strips_killed_in_between_are_the_whole_geometry(project):
         text = yaml.safe_dump({"case": case, "simulator": {"strips": strips}})
         (project.folder / f"{case}.yaml").write_text(text)
     made = project.out("strips") / "passes/1/strips"
-    kill_when(project, lambda: any(made.glob("[!.]*.h5")), *arguments("strips"))
+    project.killed_when(lambda: any(made.glob("[!.]*.h5")), *arguments("strips"))
     for case in ("whole", "strips"):
-        done = project.run(*arguments(case), cores=1)
-        assert done.returncode == 0, done.stdout
+        project.ended(*arguments(case), cores=1)
     whole, joined = (read_geometry(project.folder / arguments(case)[0]) for case in ("whole", "strips"))
     assert same(joined, whole)
     assert not made.exists() or not any(made.iterdir())
@@ -97,10 +83,7 @@ def test_strips_killed_in_between_are_the_whole_geometry(project):
 def test_jobs_left_by_a_killed_snakemake_are_waited_for(project):
     simulated(project, seconds=1.5)
     process = project.start("design", "--configfile", "tiny.yaml")
-    deadline = time.time() + 120
-    while len(project.records()) < 3:
-        assert time.time() < deadline
-        time.sleep(0.02)
+    wait_until(lambda: len(project.records()) >= 3, process)
     process.kill()
     process.wait()
     goes_on(project, "design", "--configfile", "tiny.yaml")
@@ -234,8 +217,7 @@ def test_a_slow_rename_shows_no_half_file(project, monkeypatch):
     with monkeypatch.context() as patch:
         patch.setenv("PYTHONPATH", os.pathsep.join([str(project.folder / "slow"), os.environ.get("PYTHONPATH", "")]))
         # in the middle of a renaming: its temporary file is there
-        kill_when(
-            project,
+        project.killed_when(
             lambda: len(project.records()) >= 4 and any((project.out() / "runs").glob(".partial-*")),
             "design", "--configfile", "tiny.yaml",
         )  # fmt: skip
@@ -294,11 +276,10 @@ def test_the_same_command_mends_what_is_damaged(finished):
     victims = [finished.out() / name for name in names]
     for path in victims:
         DAMAGES[random.integers(len(DAMAGES))](path, random)
-    done = finished.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    assert "Traceback" not in done.stdout
+    printed = finished.ended("--configfile", "tiny.yaml")
+    assert "Traceback" not in printed
     for path in victims:
-        assert f"{path.relative_to(finished.folder)}: is damaged" in done.stdout
+        assert f"{path.relative_to(finished.folder)}: is damaged" in printed
         assert path.is_file()
     after = finished.records()
     assert after.keys() == before.keys()
@@ -312,9 +293,7 @@ def test_files_of_another_case_are_made_again(finished):
     shutil.copytree(finished.out(), finished.out("other"))
     finished.write("other.yaml", case="other")
     before = finished.records("other")
-    done = finished.run("design", "--configfile", "other.yaml")
-    assert done.returncode == 0, done.stdout
-    assert "belongs to the case 'tiny', expected 'other'" in done.stdout
+    assert "belongs to the case 'tiny', expected 'other'" in finished.ended("design", "--configfile", "other.yaml")
     assert finished.records("other") == before
     scores = [read_json(finished.out(case) / "scores.json") for case in ("tiny", "other")]
     assert scores[0] == scores[1]

@@ -53,11 +53,6 @@ def test_words_count_and_not_parts_of_them():
     assert material_colours(["woody_wetlands"]) == material_colours(["salt marsh"])
 
 
-def test_materials_of_one_kind_have_different_shades():
-    names = [f"forest {k}" for k in "abcde"]
-    assert len(set(material_colours(names))) == 5
-
-
 def test_configured_colours_come_first_and_are_no_one_elses():
     water = material_colours(["water"])[0]
     found = material_colours(["lake", "water", "a"], {"a": water, "water": "#010203"})

@@ -321,12 +321,6 @@ def test_the_truth_is_compared_over_the_incidence_of_all_passes(made, tmp_path):
     assert re.search(r"\(parameters_model\) by up to [\d.]+ dB in the first pass\.", text)
 
 
-def test_numbers_that_are_unknown_are_left_out(made, tmp_path):
-    rms = np.full(made.archive.runs.kind.size, np.nan)
-    text = render(tmp_path / "report.html", changed_material(made.archive, "dyke", rms=rms))[0]
-    assert re.search(r'<th scope="row">dyke</th><td>–</td><td>–</td>', text)
-
-
 def test_same_bytes_every_time(made, pictures, page, tmp_path):
     assert render(tmp_path / "elsewhere" / "again.html", made.archive, pictures)[0] == page[0]
     assert [p.name for p in (tmp_path / "elsewhere").iterdir()] == ["again.html"]

@@ -83,6 +83,9 @@ def test_cost_of_each_run_stands_beside_its_prediction(made, figures, whole):
     assert upper["y"] == pytest.approx(2.0 * material.cost[1:5], rel=6e-4)
     assert (lower["yaxis"], lower["y"]) == ("y2", pytest.approx(material.rms[1:5], rel=6e-4))
     assert named(whole[1]["cost-dyke"])["predicted"]["y"] == pytest.approx(2.0 * material.fidelity.cost, rel=6e-4)
+    # a tolerance has the density alone
+    told = [any("tolerance" in name for name in named(one)) for one in (figures["cost-dyke"], whole[1]["cost-dyke"])]
+    assert told == [True, False]
 
 
 def test_a_run_is_told_by_its_x_or_has_another_law(build_archive, tmp_path):

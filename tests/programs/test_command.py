@@ -6,7 +6,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -14,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 from raster_files import write_raster
+from waiting import wait_until
 
 from radcal.config import case_from
 from radcal.errors import ConfigError, SimulatorError
@@ -313,13 +313,6 @@ def test_programs_that_fail_after_their_output_can_be_accepted(make):
     np.testing.assert_array_equal(make(crashing, accept_exit_codes=[-11]).run(X, 5), expected)
 
 
-def wait_until(condition, seconds=20.0):
-    deadline = time.time() + seconds
-    while not condition() and time.time() < deadline:
-        time.sleep(0.02)
-    return condition()
-
-
 FAMILY = """
 import os, pathlib, subprocess, sys, time
 child = subprocess.Popen(["sleep", "300"])
@@ -337,7 +330,7 @@ def test_a_time_out_ends_the_programs_children_too(make, tmp_path):
     path = tmp_path / "pids"
     with pytest.raises(SimulatorError, match="was not done"):
         make(FAMILY.format(path=str(path)), timeout_s=3).run(X, 1)
-    assert wait_until(lambda: not any(map(alive, family(path))))
+    wait_until(lambda: not any(map(alive, family(path))), seconds=20)
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
@@ -351,12 +344,12 @@ def test_the_program_dies_with_radcal(tmp_path, number):
     )
     process = subprocess.Popen([sys.executable, "-c", radcal], stderr=subprocess.DEVNULL)
     try:
-        assert wait_until(lambda: path.exists() and path.read_text().endswith("."))
+        wait_until(lambda: path.exists() and path.read_text().endswith("."), seconds=20)
         pids = family(path)
         assert all(map(alive, pids))
         process.send_signal(number)
         process.wait(20)
-        assert wait_until(lambda: not any(map(alive, pids)))
+        wait_until(lambda: not any(map(alive, pids)), seconds=20)
     finally:
         with contextlib.suppress(ProcessLookupError):
             process.kill()

@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+from waiting import wait_until
 
 from radcal.errors import MeasurementError
 from radcal.session.jobs import FAILURE, OWNER, PASSES, PROGRESS, STARTED, Follower, logged, progress
@@ -104,10 +105,7 @@ def test_a_job_is_killed_with_what_started_it(tmp_path):
         pid = int(process.stdout.readline())
         assert alive(pid)
         process.kill()
-    deadline = time.time() + 20
-    while alive(pid):
-        assert time.time() < deadline
-        time.sleep(0.05)
+    wait_until(lambda: not alive(pid), seconds=20)
 
 
 def test_what_a_killed_snakemake_left_is_waited_for(tmp_path, capfd):

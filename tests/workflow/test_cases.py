@@ -112,9 +112,8 @@ def test_a_measured_image_from_the_raw_files_to_the_report(project):
         "uncertainty": {"walkers": 32, "steps": 100},  # too few to converge, as in the tiny case
     }  # fmt: skip
     (project.folder / "measured.yaml").write_text(yaml.safe_dump(data))
-    done = project.run("--configfile", "measured.yaml")
-    assert done.returncode == 0, done.stdout
-    assert "sigma0_hh.tif: 96,000 pixels; not used are 0 without data, 0 of zero power, 0 of negative" in done.stdout
+    printed = project.ended("--configfile", "measured.yaml")
+    assert "sigma0_hh.tif: 96,000 pixels; not used are 0 without data, 0 of zero power, 0 of negative" in printed
     summary = project.summary("measured")
     assert set(summary["materials"]) == {"beet", "wheat 2"}
     # the level of the class, from the data's own description
@@ -141,8 +140,7 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
         "stop": {"rms": 3e-3, "max_runs": 16}, "measurement": {"synthetic": hidden},
     }  # fmt: skip
     project.write("gis.yaml", scene=scene | {"vertical_datum": "EGM2008"}, **changes)
-    done = project.run("--configfile", "gis.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("--configfile", "gis.yaml")
     summary = project.summary("gis")
     assert summary["levels"]["normalisation"] == "offset"
     assert summary["levels"]["offset_db"] == pytest.approx(3.0, abs=0.3)

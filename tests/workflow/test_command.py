@@ -34,9 +34,8 @@ def run_example(project, name):
     case = example(project, name)
     if name == "command_c":
         compile_sim(project.folder / "examples" / name)
-    done = project.run("--configfile", case)
-    assert done.returncode == 0, done.stdout
-    assert "The simulator is deterministic: the reference run repeated gives the same pixels." in done.stdout
+    printed = project.ended("--configfile", case)
+    assert "The simulator is deterministic: the reference run repeated gives the same pixels." in printed
     summary = project.summary(name)
     assert summary["converged"]
     # the repeated reference run is counted and kept like any other
@@ -64,16 +63,14 @@ def test_the_example_in_c(project):
     source = project.folder / "examples/command_c/sim.c"
     source.write_text(source.read_text().replace("sim 1.0", "sim 1.1"))
     compile_sim(source.parent)
-    done = project.run("reference", "--configfile", "examples/command_c/case.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("reference", "--configfile", "examples/command_c/case.yaml")
     after = project.records("command_c")
     assert {name: after.get(name) for name in before} == before
     assert len(after) == len(before) + 2
     # and so it is with another setting
     case = project.folder / "examples/command_c/case.yaml"
     case.write_text(case.read_text().replace("  timeout_s: 60", "  timeout_s: 60\n  environment: {LOOKS: s3cr3t}"))
-    done = project.run("reference", "--configfile", "examples/command_c/case.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("reference", "--configfile", "examples/command_c/case.yaml")
     assert len(project.records("command_c")) == len(after) + 2
     # of an environment, names are recorded and values are not
     written = (*project.out("command_c").rglob("*"), *(project.folder / ".snakemake").rglob("*"))
@@ -170,8 +167,7 @@ def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished
         assert records == (kept or records)
         kept = records
     (project.folder / "fault").unlink()
-    again = project.run("--configfile", "tiny.yaml")
-    assert again.returncode == 0, again.stdout
+    project.ended("--configfile", "tiny.yaml")
     records = project.contents()
     assert {name: records[name] for name in kept} == kept
     summary = project.summary()
@@ -191,9 +187,8 @@ def folders(project):
 
 def test_a_simulator_that_is_not_deterministic_is_found_out_and_smoothed_over(project):
     flawed(project, "random")
-    done = project.run("--configfile", "tiny.yaml", "--config", 'stop={"rms": 1e-9, "max_runs": 7}')
-    assert done.returncode == 0, done.stdout
-    assert "The simulator is not deterministic: the reference run repeated" in done.stdout
+    printed = project.ended("--configfile", "tiny.yaml", "--config", 'stop={"rms": 1e-9, "max_runs": 7}')
+    assert "The simulator is not deterministic: the reference run repeated" in printed
     summary = project.summary()
     assert (summary["runs"]["reference"], summary["runs"]["infill"]) == (2, 1)
     assert any("the surrogate smooths over runs" in note for note in summary["notes"])

@@ -26,8 +26,7 @@ def test_a_calibration_on_focused_images_finds_the_law_that_the_fast_image_has(p
         "objective": "classes", "design": {"size": 2}, "stop": {"max_runs": 6},
     }  # fmt: skip
     project.write(**case)
-    done = project.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("--configfile", "tiny.yaml")
     summary = project.summary()
     curve = summary["materials"]["field"]["sigma0_curve"]
     band = [np.array(curve[key], float) for key in ("p05_db", "p95_db")]

@@ -1,10 +1,6 @@
 """A pass that is added to a case, a kill in between, and the report of both."""
 
-import contextlib
 import json
-import os
-import signal
-import time
 
 import h5py
 import numpy as np
@@ -33,8 +29,7 @@ LATER = {"looks": 3, "nesz_db": -30, "look_side": "left"}
 
 def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monkeypatch, tmp_path):
     project.write(**ONE)
-    done = project.run("design", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("design", "--configfile", "tiny.yaml")
     first, files = project.records(), project.listing()
     assert len(first) == 3
 
@@ -43,19 +38,10 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     config |= {"radar": [ONE["radar"], LATER], "measurement": [ONE["measurement"], second]}
     case = {**tiny_case(**{key: config[key] for key in ("objective", "simulator", "design", "stop")}), **config}
     (project.folder / "tiny.yaml").write_text(yaml.safe_dump(case))
-    process = project.start("--configfile", "tiny.yaml")
-    deadline = time.time() + 300
-    while len(project.records()) < 5:
-        assert process.poll() is None
-        assert time.time() < deadline
-        time.sleep(0.05)
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    project.killed_when(lambda: len(project.records()) >= 5, "--configfile", "tiny.yaml")
     killed = project.records()
 
-    done = project.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("--configfile", "tiny.yaml")
     assert "pass 2: target of field: " in (project.out() / "logs/passes/2/target.log").read_text()
     records, summary = project.records(), project.summary()
     assert {name: records[name] for name in killed} == killed

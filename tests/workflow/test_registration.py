@@ -43,8 +43,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
         labels[top : top + high, left : left + wide] = 2
     write_raster(project.folder / "labels.tif", labels)
     project.write(**CASE)
-    done = project.run("--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("--configfile", "tiny.yaml")
     out, summary = project.out(), project.summary()
     assert summary["runs"]["reference"] == 2
     assert summary["runs"]["total"] == sum(summary["runs"][kind] for kind in ("reference", "design", "infill", "final"))
@@ -76,8 +75,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     # one registration: the run is not used, and nothing is made anew for it
     records = project.records()
     project.write(**{**CASE, "registration": {"method": "gefolki", "rounds": 1}})
-    done = project.run("design", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
+    project.ended("design", "--configfile", "tiny.yaml")
     assert project.records() == records
     once = read_registered(out / "passes/1/registered.h5")
     assert same(once, first)
@@ -121,9 +119,7 @@ def test_a_warning_on_the_geometry_is_said_before_the_design(project, monkeypatc
         np.arange(image.shape[0]) - image.shape[0] / 2
     )[:, None]
     np.save("image.npy", warp(image, -field))
-    done = project.run("design", "--configfile", "tiny.yaml")
-    assert done.returncode == 0, done.stdout
-    lines = done.stdout.splitlines()
+    lines = project.ended("design", "--configfile", "tiny.yaml").splitlines()
     (told,) = (k for k, line in enumerate(lines) if "is displaced along slant range by -" in line)
     (target,) = (k for k, line in enumerate(lines) if "target of cropland" in line)
     assert "warning: image.npy is displaced" in lines[told]

@@ -6,7 +6,6 @@ import re
 import shutil
 import signal
 import subprocess
-import time
 from pathlib import Path
 
 import h5py
@@ -14,6 +13,7 @@ import numpy as np
 import pytest
 import yaml
 from sealed import changed
+from waiting import wait_until
 from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
 
 from radcal.config import case_from
@@ -53,13 +53,6 @@ CHANGES = {
 }
 
 
-def ended(project, *arguments, cores=2):
-    """Output of a command that must succeed."""
-    done = project.run(*arguments, cores=cores)
-    assert done.returncode == 0, done.stdout
-    return done.stdout
-
-
 def sections(stage):
     """Keys of a case file that a stage reads."""
     return [one.alias or name for name, one in stage.model.model_fields.items()]
@@ -93,7 +86,7 @@ def test_a_changed_section_changes_what_those_rules_take(section):
 def test_a_changed_section_makes_again_what_the_table_says(finished, section):
     """A dry run plans every rule that reads the section, and starts at no other."""
     finished.write("changed.yaml", **{section: CHANGES[section]})
-    planned = ended(finished, "-n", "--quiet", "host", "--configfile", "changed.yaml")
+    planned = finished.ended("-n", "--quiet", "host", "--configfile", "changed.yaml")
     rules = set(re.findall(r"(?m)^(\w+) +\d+$", planned))
     jobs = re.findall(
         r"^(?:Local job|Job|Checkpoint)[^:]*: (.+)\nReason: Params have changed", planned, flags=re.MULTILINE
@@ -106,21 +99,21 @@ def test_a_changed_section_makes_again_what_the_table_says(finished, section):
 
 def test_commands_of_snakemake_behave(finished):
     before, listing = finished.contents(), finished.listing()
-    assert "Nothing to be done" in ended(finished, "-n", *CASE)
-    changed = ended(finished, "-n", *CASE, "--config", "target={pixels: 300}")
+    assert "Nothing to be done" in finished.ended("-n", *CASE)
+    changed = finished.ended("-n", *CASE, "--config", "target={pixels: 300}")
     assert "target" in changed
-    assert "radcal: no simulator run would be made." in ended(finished, "-n", *CASE)
+    assert "radcal: no simulator run would be made." in finished.ended("-n", *CASE)
     spent = finished.summary()["runs"]
-    longer = ended(finished, "-n", *CASE, "--config", 'stop={"rms": 1e-9, "max_runs": 40}')
+    longer = finished.ended("-n", *CASE, "--config", 'stop={"rms": 1e-9, "max_runs": 40}')
     most = 40 - spent["design"] - spent["infill"]
     assert (
         f"radcal: at most {most + 2} simulator runs would be made (at most {most} infill, at most 2 final); a" in longer
     )
     assert finished.listing() == listing, "a dry run changed something"
     # what a finished case holds is what the rules make, runs and times aside: what is missing of it is made again
-    made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", ended(finished, "--summary", *CASE)))
+    made = set(re.findall(r"(?m)^results/tiny/(\S+)\t", finished.ended("--summary", *CASE)))
     assert made == {re.sub("^(figures|export)/.*", r"\1", name) for name in listing if not name.startswith(NOT_MADE)}
-    ended(finished, "--report", "snakemake.html", *CASE)
+    finished.ended("--report", "snakemake.html", *CASE)
     page = (finished.folder / "snakemake.html").read_text(encoding="utf-8")
     listed = json.loads(re.findall(r"var categories = (.*);\n", page)[0])
     found = {name: {Path(path).name for path in files["Other"]} for name, files in listed.items()}
@@ -136,14 +129,14 @@ def test_commands_of_snakemake_behave(finished):
     report, archive = finished.out() / "report.html", (finished.out() / "calibration.h5").read_bytes()
     report.unlink()
     shutil.rmtree(finished.out() / "figures")
-    ended(finished, "results/tiny/report.html", *CASE)
+    finished.ended("results/tiny/report.html", *CASE)
     assert report.is_file()
     assert (finished.out() / "calibration.h5").read_bytes() == archive
     # a stage by name: made again, its runs found
-    ended(finished, "--forcerun", "design_chunk", "--until", "scores", *CASE)
+    finished.ended("--forcerun", "design_chunk", "--until", "scores", *CASE)
     assert finished.contents() == before
     summary = finished.summary()
-    ended(finished, "all", *CASE, cores=1)
+    finished.ended("all", *CASE, cores=1)
     assert finished.contents() == before
     assert finished.summary()["materials"] == summary["materials"]
 
@@ -151,10 +144,10 @@ def test_commands_of_snakemake_behave(finished):
 def test_runs_of_an_iteration_are_jobs_that_keep_what_they_made(project):
     """Two proposals at once, of which a first command makes only the second; three runs are left of the maximum."""
     project.write(design={"size": 6}, infill={"batch": 2}, stop={"rms": 1e-9, "max_runs": 9})
-    ended(project, "results/tiny/iterations/0/runs/1.json", *CASE)
+    project.ended("results/tiny/iterations/0/runs/1.json", *CASE)
     first = project.records()
     assert len(first) == 1 + 6 + 1
-    said = ended(project, "results/tiny/final.json", *CASE)
+    said = project.ended("results/tiny/final.json", *CASE)
     assert re.findall(r"run +(\d+) \(iteration (\d+)\)", said) == [("8", "1"), ("9", "2")]
     after = project.records()
     assert {name: after[name] for name in first} == first
@@ -192,7 +185,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     leftover = shutil.copy(out / "iterations/0/proposal.json", out / "iterations/7")
     for name in ["iterations/0/surrogate.h5", "iterations/0/verified/surrogate.h5", "stop.json"]:
         (out / name).rename(out / "aside")
-        planned = ended(finished, "-n", "--quiet", "host", *CASE)
+        planned = finished.ended("-n", "--quiet", "host", *CASE)
         assert f"Missing output files: results/tiny/{name}" in planned
         assert not (out / name).exists(), "a dry run changed something"
         (out / "aside").rename(out / name)
@@ -201,7 +194,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     for name in before.keys() - noticed - {"passes/1/target.h5"}:
         (out / name).unlink()
     shutil.rmtree(out / "figures")
-    said = ended(finished, *CASE)
+    said = finished.ended(*CASE)
     assert (
         "radcal: results/tiny/passes/1/target.h5: is of an earlier version of radcal: it was written with schema "
         f"{SCHEMAS['target'] - 1}, this radcal reads {SCHEMAS['target']}; set aside as target.earlier; it is made "
@@ -214,7 +207,7 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     # damage that Snakemake does not see: one figure gone, a table that was changed, an index gone
     (out / "figures/law_field.png").unlink()
     (out / "runs.csv").write_text("changed\n")
-    said = ended(finished, *CASE)
+    said = finished.ended(*CASE)
     assert "radcal: missing, and made again: results/tiny/figures/law_field.png." in said
     assert "radcal: results/tiny/runs.csv: is damaged or was changed" in said
     assert {name: content(out / name) for name in before} == before
@@ -227,7 +220,7 @@ def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_p
     fresh = make_project(tmp_path / "fresh")
     for project in (finished, fresh):
         project.write(seed=2, target={"pixels": 300})
-        ended(project, "design", *CASE)
+        project.ended("design", *CASE)
     scores = [
         [(run.keys, run.scores["field"]) for run in read_runs([project.out() / "scores.json"]).runs]
         for project in (finished, fresh)
@@ -248,7 +241,7 @@ def test_another_scene_or_pass_leaves_finished_results_until_told(finished):
     assert "replace=true" in said
     finished.write()
     # nothing was planned with the refused values, by which Snakemake would know the file of the failed job
-    assert "Nothing to be done" in ended(finished, *CASE)
+    assert "Nothing to be done" in finished.ended(*CASE)
     labels = (finished.folder / "labels.tif").read_bytes()
     write_raster(
         finished.folder / "labels.tif",
@@ -263,11 +256,11 @@ def test_another_scene_or_pass_leaves_finished_results_until_told(finished):
     (finished.folder / "labels.tif").write_bytes(labels)
     # under a name of its own it is a case like any other, and under the old one the old results still stand
     finished.write("looks3.yaml", case="looks3", radar={"looks": 3})
-    ended(finished, "reference", "--configfile", "looks3.yaml")
+    finished.ended("reference", "--configfile", "looks3.yaml")
     assert len(finished.contents("looks3")) == 1
     # told to, the results give way; the runs stay
     finished.write(radar={"looks": 3})
-    ended(finished, "reference", *CASE, "--config", "replace=true")
+    finished.ended("reference", *CASE, "--config", "replace=true")
     after = finished.contents()
     assert {name: after[name] for name in records} == records
     assert len(after) == len(records) + 1
@@ -283,7 +276,7 @@ def test_copied_touched_and_commented_it_simulates_nothing(finished, tmp_path):
         os.utime(copy.folder / name)
     for script in (copy.folder / "workflow" / "scripts").glob("*.py"):
         script.write_text(script.read_text() + "# a remark\n")
-    ended(copy, *CASE)
+    copy.ended(*CASE)
     assert copy.records() == before
     assert copy.summary()["materials"] == summary["materials"]
     assert copy.summary()["runs"] == summary["runs"]
@@ -302,11 +295,7 @@ def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, b
             # a test run that a shell has put into the background ignores Ctrl-C, and so would this one
             preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
         )
-    deadline = time.time() + 300
-    while len(project.records()) < 5:
-        assert process.poll() is None, log.read_text()
-        assert time.time() < deadline
-        time.sleep(0.02)
+    wait_until(lambda: len(project.records()) >= 5, process)
     second = project.run(*CASE)
     assert second.returncode != 0
     assert f"another snakemake (process {process.pid})" in second.stdout
@@ -322,7 +311,7 @@ def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, b
     assert int(said[0]) == len(project.records()) >= 5
     assert said[1] == "the same command goes on from there."
     before = project.contents()
-    ended(project, "design", *CASE)
+    project.ended("design", *CASE)
     after = project.contents()
     assert {name: after[name] for name in before} == before
 
@@ -339,7 +328,7 @@ def test_runs_of_an_earlier_case_are_reused(finished):
     )
     other["materials"]["lake"] = tiny_case()["materials"]["lake"]
     (finished.folder / "second.yaml").write_text(yaml.safe_dump(other))
-    ended(finished, "--configfile", "second.yaml")
+    finished.ended("--configfile", "second.yaml")
     runs = finished.summary("second")["runs"]
     first = finished.summary()["runs"]
     # its reference run too: with other bounds the start is another

@@ -10,8 +10,7 @@ def history(finished):
     def run(**stop):
         before = finished.records()
         finished.write(stop=stop)
-        done = finished.run("--configfile", "tiny.yaml")
-        assert done.returncode == 0, done.stdout
+        finished.ended("--configfile", "tiny.yaml")
         after = finished.records()
         assert {name: after[name] for name in before} == before, "a finished run was touched"
         return finished.summary(), len(after) - len(before)
