@@ -7,9 +7,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pyogrio
@@ -28,11 +25,11 @@ ZONES = (
 )  # fmt: skip
 
 
-def zone(latitude: float) -> int:
+def zone(latitude):
     return next(width for low, high, width in ZONES if low <= latitude < high)
 
 
-def tile_of(longitude: float, latitude: float, lod: int) -> tuple[str, str, int, int, tuple[float, float, float]]:
+def tile_of(longitude, latitude, lod):
     """Names of latitude and longitude, U and R of the tile of a place, and its west, south and height [deg]."""
     slice_id = math.floor(latitude + 90)
     north = f"S{90 - slice_id:02d}" if latitude < 0 else f"N{slice_id - 90:02d}"
@@ -45,9 +42,7 @@ def tile_of(longitude: float, latitude: float, lod: int) -> tuple[str, str, int,
     return north, east, up, right, (index - 180 + width * right / tiles, slice_id - 90 + up / tiles, 1 / tiles)
 
 
-def file_of(
-    root: Path, place: tuple[float, float], dataset: int, lod: int, ending: str, s: int = 1, t: int = 1
-) -> Path:
+def file_of(root, place, dataset, lod, ending, s=1, t=1):
     """Path of a file of the tile of a place, whose folder is made."""
     north, east, up, right, _ = tile_of(*place, lod)
     level = f"LC{-lod:02d}" if lod < 0 else f"L{lod:02d}"
@@ -56,7 +51,7 @@ def file_of(
     return folder / f"{north}{east}_D{dataset:03d}_S{s:03d}_T{t:03d}_{level}_U{up}_R{right}.{ending}"
 
 
-def elements(place: tuple[float, float], lod: int, at: float) -> tuple[np.ndarray, np.ndarray]:
+def elements(place, lod, at):
     """Longitudes and latitudes of the elements of a tile; row 0 is in the north. Posts have at = 0, areas 0.5."""
     size = 1024 if lod >= 0 else 2 ** (10 + lod)
     *_, (west, south, height) = tile_of(*place, lod)
@@ -64,10 +59,7 @@ def elements(place: tuple[float, float], lod: int, at: float) -> tuple[np.ndarra
     return np.meshgrid(west + along * height * zone(place[1]) / size, south + up * height / size)
 
 
-def write_raster(
-    root: Path, place: tuple[float, float], dataset: int, lod: int, values: np.ndarray, s: int = 1, t: int = 1,
-    shift: float = 0.0,
-) -> Path:  # fmt: skip
+def write_raster(root, place, dataset, lod, values, s=1, t=1, shift=0.0):
     """Write a tile; ``shift`` moves its tags to the east by a part of an element."""
     path = file_of(root, place, dataset, lod, "tif", s, t)
     *_, (west, south, height) = tile_of(*place, lod)
@@ -82,12 +74,12 @@ def write_raster(
     return path
 
 
-def write_heights(root: Path, place: tuple[float, float], lod: int, height: Callable[..., Any], **more: Any) -> Path:
+def write_heights(root, place, lod, height, **more):
     values = np.asarray(height(*elements(place, lod, 0.0)))
     return write_raster(root, place, 1, lod, values.astype(more.pop("dtype", np.float32)), **more)
 
 
-def write_imagery(root: Path, place: tuple[float, float], lod: int, colour: Callable[..., Any]) -> Path:
+def write_imagery(root, place, lod, colour):
     """Write a tile of imagery without loss; ``colour`` gives red, green and blue of places."""
     path, values = file_of(root, place, 4, lod, "jp2"), np.asarray(colour(*elements(place, lod, 0.5))).astype(np.uint8)
     with warnings.catch_warnings():
@@ -100,10 +92,7 @@ def write_imagery(root: Path, place: tuple[float, float], lod: int, colour: Call
     return path
 
 
-def write_materials(
-    root: Path, place: tuple[float, float], lod: int, layers: Sequence[np.ndarray], table: Mapping[int, str],
-    shares: Sequence[np.ndarray] = (),
-) -> Path:  # fmt: skip
+def write_materials(root, place, lod, layers, table, shares=()):
     """Write layers of indices, layers of shares, and the table of composite materials of a tile."""
     for k, layer in enumerate(layers, start=1):
         write_raster(root, place, 5, lod, layer.astype(np.uint8), s=1, t=k)
@@ -119,10 +108,7 @@ def write_materials(
     return path
 
 
-def write_features(
-    root: Path, place: tuple[float, float], lod: int, shapes: Sequence[shapely.Geometry],
-    columns: Mapping[str, Sequence[Any]], classes: Mapping[str, Sequence[Any]], dataset: int = 100, t: int = 1,
-) -> Path:  # fmt: skip
+def write_features(root, place, lod, shapes, columns, classes, dataset=100, t=1):
     """Write instances and their classes, whose shapefile is empty."""
     path = file_of(root, place, dataset, lod, "shp", t=t)
     kind = {1: "Point Z", 3: "LineString Z", 5: "Polygon Z"}[t]

@@ -10,11 +10,10 @@ import numpy as np
 import pandas as pd
 import rasterio
 import yaml
-from typer.testing import CliRunner
+from commands import typed
 
 import radcal
 from radcal.calibration.loop import calibrate
-from radcal.cli import app
 from radcal.config import load, load_forward
 from radcal.figures.drawing import STYLE
 from radcal.products.showing import show
@@ -119,8 +118,7 @@ def test_laws_on_another_image_of_the_same_scene(finished, monkeypatch):
     radar = [{**own["radar"], "looks": 4}, {**own["radar"], "look_side": "left"}]
     other = {**own, "case": "other", "radar": radar, "measurement": [image, image]}
     Path("other.yaml").write_text(yaml.safe_dump(other))
-    done = CliRunner().invoke(app, ["apply", "tiny", "--to", "other.yaml"])
-    assert done.exit_code == 0, done.output
+    typed("apply", "tiny", "--to", "other.yaml")
     table = pd.read_csv("results/other/applied_tiny/predictions.csv")
     assert set(table["pass"]) == {1, 2}
     # the simulated measurement has the law that the calibration has matched in its distribution only
@@ -130,8 +128,7 @@ def test_laws_on_another_image_of_the_same_scene(finished, monkeypatch):
     # without a measured image, and again without a run
     del other["measurement"]
     Path("other.yaml").write_text(yaml.safe_dump(other))
-    done = CliRunner().invoke(app, ["apply", "results/tiny", "--to", "other.yaml", "--out", "elsewhere"])
-    assert done.exit_code == 0, done.output
+    typed("apply", "results/tiny", "--to", "other.yaml", "--out", "elsewhere")
     np.testing.assert_array_equal(pd.read_csv("elsewhere/predictions.csv")["p95_db"], table["p95_db"])
     assert sorted(path.name for path in Path("results/other/runs").glob("[!.]*.h5")) == runs
 
@@ -146,12 +143,10 @@ def test_commands_without_snakemake_refuse_in_a_sentence(finished, monkeypatch):
         (["simulate", "wrong.yaml"], "wrong.yaml, line 1: unknown key sede"),
         (["simulate", "tiny.yaml", "--materials", "gone.yaml"], "--materials: the file gone.yaml does not exist"),
     ):
-        done = CliRunner().invoke(app, words)
-        assert done.exit_code == 1, done.output
-        assert said in done.stderr
-        assert done.stderr.count("\n") == 1
-    done = CliRunner().invoke(app, ["simulate", "tiny.yaml", "--materials", "results/tiny/export/calibrated.yaml"])
-    assert done.exit_code == 0, done.output
+        refused = typed(*words, code=1).stderr
+        assert said in refused
+        assert refused.count("\n") == 1
+    typed("simulate", "tiny.yaml", "--materials", "results/tiny/export/calibrated.yaml")
     np.testing.assert_array_equal(
         read_tif("results/tiny/simulated/simulated.tif"), radcal.open("results/tiny").array("calibrated")
     )

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
+from commands import typed
 from pyproj import Transformer
 from raster_files import write_raster
 from rasterio.transform import from_origin
 from safe_product import LINES, PIXELS, place_of, write_product
-from typer.testing import CliRunner
 
 from radcal.checking.case_check import check_case
-from radcal.cli import app
 from radcal.findings import Finding, of_pass
 from radcal.words import sentence
 
@@ -52,8 +51,7 @@ def test_ten_mistakes_are_found_at_once(tmp_path, monkeypatch):
     assert found.unseen[0] == "scene"
     for text in SAID:
         assert sum(text in problem for problem in found.problems) == 1, text
-    done = CliRunner().invoke(app, ["check", "mine.yaml"])
-    assert done.exit_code == 1
+    done = typed("check", "mine.yaml", code=1)
     assert done.stderr.startswith("radcal: mine.yaml cannot be run; 10 problems found:\n")
     assert all(text in done.stderr for text in SAID)
 
@@ -98,16 +96,14 @@ def test_what_a_right_case_needs_is_told(tmp_path):
     numbers = {one.code: one.numbers for one in found.findings}
     assert numbers["level_counted"] == pytest.approx({"level_db": 0.33, "half_width_db": 1.645 * 0.33}, rel=1e-3)
     assert found.search == "simulator: 0 of about 13 runs."
-    done = CliRunner().invoke(app, ["check", str(path)])
-    assert done.exit_code == 0
+    done = typed("check", path)
     assert (
         "at most 16 simulator runs would be made (1 reference, 1 registration, 3 design, at most 9 infill, at most 2 "
         "final, each of 4 speckle draws); a search" in done.stdout
     )
     assert "60 x 50 pixels" in done.stdout
     assert "memory: at most 1,100 MB are requested for a job (reference_run)" in done.stdout
-    twice = CliRunner().invoke(app, ["check", str(path), str(tmp_path / "gone.yaml")])
-    assert twice.exit_code == 1
+    twice = typed("check", path, tmp_path / "gone.yaml", code=1)
     assert "60 x 50 pixels" in twice.stdout
     assert twice.stderr.splitlines()[-1] == f"radcal: 1 of 2 cases cannot be run: {tmp_path / 'gone.yaml'}"
 
@@ -142,14 +138,13 @@ def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
     steep, plain = Finding("heading_missing", "warning", "radar.heading_deg"), Finding("scene_large", "note", "scene")
     found = replace(check_case([path]), findings=[plain, steep], search="search: short")
     monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
-    done = CliRunner().invoke(app, ["check", str(path)])
-    assert done.exit_code == 0
+    done = typed("check", path)
     lines = done.stdout.splitlines()
     assert lines[:2] == [f"{path}: no mistake found, 1 warning:", f"  {sentence(steep)}"]
     assert [line for line in lines[2:] if "warning: " in line] == []
     assert {f"  note: {sentence(plain)}", "  search: short"} <= set(lines)
     found = replace(found, findings=[steep], problems=["wrong."])
-    assert CliRunner().invoke(app, ["check", str(path)]).stdout == f"  {sentence(steep)}\n"
+    assert typed("check", path, code=1).stdout == f"  {sentence(steep)}\n"
 
 
 def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
@@ -311,7 +306,7 @@ def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole
     data["materials"]["field"] = {"calibrate": True, **law}
     wrong = tmp_path / "wrong.yaml"
     wrong.write_text(yaml.safe_dump(data))
-    done = CliRunner().invoke(app, ["check", str(wrong), str(right)])
+    done = typed("check", wrong, right, code=1)
     head, problem, *_ = done.stderr.splitlines()
     assert (head, said in problem) == (f"radcal: {wrong} cannot be run; 1 problem found:", True)
     assert f"degrees{': ' * (pole == '30.5')}" in done.stderr

@@ -5,10 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from commands import typed
 from raster_files import write_raster
-from typer.testing import CliRunner
-
-from radcal.cli import app
 
 SLANT_RANGE = """
 case: mine
@@ -37,8 +35,8 @@ def folder(tmp_path, monkeypatch):
 def refused(text):
     """Sentence on the one problem of a case."""
     Path("mine.yaml").write_text(text, "utf-8")
-    done = CliRunner().invoke(app, ["check", "mine.yaml"])
-    assert (done.exit_code, type(done.exception)) == (1, SystemExit)
+    done = typed("check", "mine.yaml", code=1)
+    assert type(done.exception) is SystemExit
     head, problem, *_ = done.stderr.splitlines()
     assert head == "radcal: mine.yaml cannot be run; 1 problem found:"
     return problem.removeprefix("  - ")

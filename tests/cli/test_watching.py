@@ -1,10 +1,10 @@
 """Cases at work, as lines and as a page."""
 
 import pytest
+from commands import typed
 from lxml import html
-from typer.testing import CliRunner
 
-from radcal.cli import app, watching
+from radcal.cli import watching
 from radcal.forecast.runs_and_time import Standing
 from radcal.storage.lock import CaseLock
 
@@ -32,8 +32,7 @@ def test_a_case_is_shown_until_no_command_works_on_it(folder, monkeypatch):
             lock.release()
 
     monkeypatch.setattr(watching.time, "sleep", sleep)
-    done = CliRunner().invoke(app, ["show", "mine.yaml", "--watch", "--html"])
-    assert done.exit_code == 0
+    done = typed("show", "mine.yaml", "--watch", "--html")
     # at the start, after the news, and at the end
     assert done.stdout.count("mine: not finished") == 3
     assert done.stdout.count("simulator: 0 of about ") == 2
@@ -59,8 +58,8 @@ def test_the_page_of_a_finished_case_leads_to_its_report(folder):
 
 
 def test_a_page_is_written_by_watching_alone(folder):
-    done = CliRunner().invoke(app, ["show", "mine", "--html"])
-    assert (done.exit_code, done.stderr) == (1, "radcal: --html is given without --watch, expected both.\n")
-    gone = CliRunner().invoke(app, ["show", "gone", "--watch"])
-    assert (gone.exit_code, gone.stdout) == (1, "")
+    done = typed("show", "mine", "--html", code=1)
+    assert done.stderr == "radcal: --html is given without --watch, expected both.\n"
+    gone = typed("show", "gone", "--watch", code=1)
+    assert gone.stdout == ""
     assert gone.stderr.startswith("radcal: gone: there is no folder results/gone")

@@ -41,9 +41,7 @@ def spread_of(range_m, azimuth_m, range_error_m, azimuth_error_m, smoothing, win
 
 
 def found(image, radar=RADAR):
-    spread = estimate_point_spread(decibels(image.astype(np.float32)), ONE, radar)
-    assert spread is not None
-    return spread
+    return estimate_point_spread(decibels(image.astype(np.float32)), ONE, radar)
 
 
 def told(spread, radar, *pixel_m):

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from archives import changed_material, configured, posterior
+from commands import typed
 from sealed import changed
-from typer.testing import CliRunner
 
-from radcal.cli import app
 from radcal.errors import ConfigError, StoreError
 from radcal.posterior.result import Curve
 from radcal.products.comparison import _fits, _known, compare, law_difference
@@ -82,9 +81,7 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
     monkeypatch.chdir(tmp_path)
     for archive, name in zip(pair, ("small", "other"), strict=True):
         write_archive(tmp_path / "results" / name / "calibration.h5", archive)
-    done = CliRunner().invoke(app, ["compare", "small", "other"])
-    assert done.exit_code == 0, done.output
-    lines = done.stdout.splitlines()
+    lines = typed("compare", "small", "other").stdout.splitlines()
     assert lines[:2] == ["A: results/small", "B: results/other"]
     assert [cell.strip() for cell in lines[4].split("  ") if cell] == [
         "dyke", "30.0-40.0 deg", "+3.50 dB", "+4.00 dB", "100 %", "not refuted | not refuted", "22-38 deg | nowhere",
@@ -93,8 +90,7 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
     assert lines[5].startswith("stem beans")
     assert lines[-1] == "figure: results/small_and_other.png"
     assert (tmp_path / "results/small_and_other.png").read_bytes().startswith(b"\x89PNG")
-    missing = CliRunner().invoke(app, ["compare", "small", "gone"])
-    assert missing.exit_code == 1
+    missing = typed("compare", "small", "gone", code=1)
     assert missing.stderr.startswith("radcal: gone: there is no folder results/gone")
 
 

@@ -4,9 +4,8 @@ import json
 import os
 
 import pytest
-from typer.testing import CliRunner
+from commands import typed
 
-from radcal.cli import app
 from radcal.config.stages import OUTPUTS
 from radcal.errors import StoreError
 from radcal.products.showing import results_folder, show
@@ -69,7 +68,7 @@ def test_an_unfinished_case_says_what_is_missing(folder):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).touch()
     lines = show(folder)
-    missing = "final runs, archive of all runs, exports, figures and report, summary"
+    missing = "final runs, archive of all runs, exports, figures, report and summary"
     assert lines[0] == f"small: not finished; missing: {missing}."
     assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
     again = "type the command that began the case again (radcal run with its YAML file): finished runs are kept."
@@ -103,12 +102,11 @@ def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
         assert results_folder(case).resolve() == folder
     with pytest.raises(StoreError, match=r"gone: there is no folder results/gone, expected the name of a case"):
         results_folder("gone")
-    done = CliRunner().invoke(app, ["show", "mine.yaml"])
-    assert (done.exit_code, done.stdout.splitlines()[7]) == (0, show(folder)[7])
-    both = CliRunner().invoke(app, ["show", "gone", "small", "mine.yaml"])
-    assert (both.exit_code, both.stdout.strip()) == (1, f"{done.stdout}\n{done.stdout}".strip())
-    elsewhere = CliRunner().invoke(app, ["show", "small", "--results", str(tmp_path)])
+    one = typed("show", "mine.yaml").stdout
+    assert one.splitlines()[7] == show(folder)[7]
+    assert typed("show", "gone", "small", "mine.yaml", code=1).stdout.strip() == f"{one}\n{one}".strip()
+    elsewhere = typed("show", "small", "--results", tmp_path)
     assert elsewhere.stdout.startswith("small: not finished; missing: scene,")
-    failed = CliRunner().invoke(app, ["show", "gone"])
-    assert (failed.exit_code, failed.stdout) == (1, "")
+    failed = typed("show", "gone", code=1)
+    assert failed.stdout == ""
     assert failed.stderr.startswith("radcal: gone: there is no folder")

@@ -2,21 +2,19 @@
 
 import pytest
 
-from radcal.config import FileMeasurement, case_from
+from radcal.config import case_from
 from radcal.errors import ConfigError
 
 HYP3 = "S1A_IW_20180128T161201_DVP_RTC30_G_gdunem_FD6A_VV.tif"
 
 
 def case(radar=None, path=HYP3, **measurement):
-    found = case_from(
+    return case_from(
         {
             "measurement": {"source": "file", "path": path, **measurement},
             "radar": {"polarisation": "VV", "radiometry": "gamma0_rtc", **(radar or {})},
         }
     ).measurement
-    assert isinstance(found, FileMeasurement)
-    return found
 
 
 def test_the_name_replaces_three_keys():

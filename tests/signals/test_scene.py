@@ -5,9 +5,8 @@ from dataclasses import replace
 import h5py
 import numpy as np
 import pytest
-from typer.testing import CliRunner
+from commands import typed
 
-from radcal.cli import app
 from radcal.errors import ConfigError
 from radcal.radar.projection import lit_facets
 from radcal.radar.reflectivity import law_tables, reflectivity
@@ -283,8 +282,8 @@ def test_the_folder_of_a_killed_simulation_with_other_settings_is_removed(forwar
 @pytest.mark.parametrize("product", ["iq", "focused"])
 def test_nothing_is_written_before_the_radar_is_checked(tmp_path, product):
     (tmp_path / "case.yaml").write_text("case: wrong\n")
-    words = ["simulate", str(tmp_path / "case.yaml"), "--product", product, "--set", "signals.prf_hz=9"]
-    done = CliRunner().invoke(app, [*words, "--results", str(tmp_path / "results")])
-    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
-    assert "radcal: signals.prf_hz is 9, below the band" in done.stderr
+    words = ["simulate", tmp_path / "case.yaml", "--product", product, "--set", "signals.prf_hz=9"]
+    said = typed(*words, "--results", tmp_path / "results", code=1).stderr
+    assert said.count("\n") == 1
+    assert "radcal: signals.prf_hz is 9, below the band" in said
     assert not (tmp_path / "results/wrong/simulated").exists()

@@ -5,8 +5,6 @@ from __future__ import annotations
 import json
 import os
 import warnings
-from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -22,10 +20,8 @@ from rasterio.transform import from_origin
 from radcal.config import case_from
 from radcal.config.inputs import input_files
 from radcal.errors import SceneError
-from radcal.findings import Finding
 from radcal.scene.base import scene_size
 from radcal.scene.grid import Grid
-from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.sections.scene import VectorScene
 from radcal.vectors.features import NUMBERS, objects_of
@@ -48,13 +44,13 @@ MAPPING: dict[str, Any] = {
 }
 
 
-def square(x: float, y: float, wide: float, high: float, heading: float = 0.0) -> shapely.Geometry:
+def square(x, y, wide, high, heading=0.0):
     """Rectangle around a place of the scene [m], turned clockwise."""
     box = shapely.box(x - wide / 2, y - high / 2, x + wide / 2, y + high / 2)
     return shapely.affinity.rotate(box, -heading)
 
 
-def write(path: Path, shapes: list[Any], columns: dict[str, list[Any]], crs: str = UTM, layer: str = "one") -> Path:
+def write(path, shapes, columns, crs=UTM, layer="one"):
     """Write features at places of the scene [m], in a CRS."""
     to = Transformer.from_crs(UTM, crs, always_xy=True).transform
     at = shapely.transform(np.array(shapes), lambda x: np.column_stack(to(*(x + (WEST, SOUTH)).T)))
@@ -70,11 +66,11 @@ def write(path: Path, shapes: list[Any], columns: dict[str, list[Any]], crs: str
 
 
 @pytest.fixture
-def build(tmp_path: Path) -> Callable[..., VectorScene]:
+def build(tmp_path):
     ramp = (np.arange(SIZE)[::-1, None] * 2.0 + np.arange(SIZE)[None] * 0.5).astype(np.float32)
     write_raster(tmp_path / "dem.tif", ramp, crs=UTM, transform=from_origin(WEST, SOUTH + SIZE * CELL, CELL, CELL))
 
-    def make(materials: Path, mapping: dict[str, Any] = MAPPING, **keys: Any) -> VectorScene:
+    def make(materials, mapping=MAPPING, **keys):
         (tmp_path / "names.yaml").write_text(yaml.safe_dump(mapping, sort_keys=False))
         files = {"elevation": tmp_path / "dem.tif", "materials": materials, "names": tmp_path / "names.yaml"}
         files = {key: str(path) for key, path in files.items()}
@@ -83,24 +79,21 @@ def build(tmp_path: Path) -> Callable[..., VectorScene]:
     return make
 
 
-def at(scene: Scene) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def at(scene):
     """Place of each cell's centre [m from the corner of the heights], and the name of its material."""
-    assert scene.transform is not None
     a, _, c, _, e, f = scene.transform
     row, column = np.indices(scene.material.shape) + 0.5
     x, y = Transformer.from_crs(scene.crs, UTM, always_xy=True).transform(c + a * column, f + e * row)
     return x - WEST, y - SOUTH, np.array(["", *scene.names])[scene.material]
 
 
-def found(scene: Scene, code: str) -> list[Finding]:
+def found(scene, code):
     return [one for one in scene.findings if one.code == code]
 
 
 @pytest.mark.parametrize(("ending", "crs"), [("gpkg", UTM), ("shp", "EPSG:28992"), ("geojson", "EPSG:4326")])
 @pytest.mark.parametrize("heading", [0.0, 33.0])
-def test_areas_are_materials_of_the_cells_whose_centres_they_cover(
-    tmp_path: Path, build: Any, ending: str, crs: str, heading: float
-) -> None:
+def test_areas_are_materials_of_the_cells_whose_centres_they_cover(tmp_path, build, ending, crs, heading):
     shapes = [square(200, 300, 240, 404), square(300, 150, 130, 170, 20), square(350, 350, 40, 40)]
     path = write(tmp_path / f"cover.{ending}", shapes, {"class": ["field", "water", "unknown"]}, crs)
     mapping = MAPPING | {"features": {}, "surfaces": {"field": "crops", "water": "water"}}
@@ -114,7 +107,7 @@ def test_areas_are_materials_of_the_cells_whose_centres_they_cover(
     assert found(scene, "features_unmapped")[0].numbers == {"features": 1, "codes": "unknown (1)"}
 
 
-def test_the_order_of_the_mapping_is_the_priority(tmp_path: Path, build: Any) -> None:
+def test_the_order_of_the_mapping_is_the_priority(tmp_path, build):
     shapes = [square(300, 300, 200, 200), square(300, 300, 400, 400)]
     path = write(tmp_path / "cover.gpkg", shapes, {"class": ["field", "water"]})
     surfaces = {"field": "crops", "water": "water"}
@@ -125,7 +118,7 @@ def test_the_order_of_the_mapping_is_the_priority(tmp_path: Path, build: Any) ->
         assert name[5, 5] == ""
 
 
-def test_lines_have_their_own_width_or_that_of_their_class(tmp_path: Path, build: Any) -> None:
+def test_lines_have_their_own_width_or_that_of_their_class(tmp_path, build):
     lines = [shapely.LineString([(x, 50.0), (x, 550.0)]) for x in (103.0, 253.0, 403.0)]
     columns = {"highway": ["primary", "service", "track"], "width": ["55 m", "", "2.5"]}
     path = write(tmp_path / "roads.geojson", lines, columns)
@@ -139,7 +132,7 @@ def test_lines_have_their_own_width_or_that_of_their_class(tmp_path: Path, build
     assert found(scene, "features_narrow")[0].numbers == {"features": 1, "codes": "highway=track (1)"}
 
 
-def test_points_and_footprints_are_boxes(tmp_path: Path, build: Any) -> None:
+def test_points_and_footprints_are_boxes(tmp_path, build):
     shapes = [
         square(100, 400, 12, 30, 25), square(300, 300, 20, 10), square(400, 100, 30, 40), square(300, 500, 210, 9),
         shapely.Point(500, 500), shapely.Point(50, 50), shapely.Point(-5, 50),
@@ -154,7 +147,6 @@ def test_points_and_footprints_are_boxes(tmp_path: Path, build: Any) -> None:
     path = write(tmp_path / "osm.gpkg", shapes, columns, "EPSG:4326")
     scene = make_scene(build(path, MAPPING | {"surfaces": {"building=*": "roof"}}), None)
     objects = scene.objects
-    assert objects is not None
     assert np.abs(objects.x_m - [100, 300, 500, 50]).max() < 0.01
     assert np.abs(objects.y_m - [400, 300, 500, 50]).max() < 0.01
     assert objects.length_m == pytest.approx([30, 20, 4, 4], abs=0.01)
@@ -170,7 +162,7 @@ def test_points_and_footprints_are_boxes(tmp_path: Path, build: Any) -> None:
     assert scene.material[30, 30] == 1 + scene.names.index("roof")
 
 
-def test_heights_above_the_datum_need_a_height() -> None:
+def test_heights_above_the_datum_need_a_height():
     """Of boxes on ground at 700 m: above the ground, above the datum, and above the datum without a height."""
     grid = Grid(CRS.from_user_input(UTM), WEST, SOUTH, CELL, SIZE, SIZE)
     numbers = {**dict.fromkeys(NUMBERS, 5.0), "base_m": [2.0, 704.0, np.nan], "absolute": [0.0, 1.0, 1.0]}
@@ -178,11 +170,10 @@ def test_heights_above_the_datum_need_a_height() -> None:
     features = pd.DataFrame({"shape": shapes, "class": "", "highway": "", "building": "yes", "natural": "", **numbers})
     mapping = VectorMapping.model_validate(MAPPING)
     found = objects_of(features, grid, np.full((SIZE, SIZE), 700.0), mapping, None, [])
-    assert found is not None
     assert found.height_m.tolist() == [7.0, 9.0, 5.0]
 
 
-def test_classes_have_roofs_or_tables_of_cross_sections(tmp_path: Path, build: Any) -> None:
+def test_classes_have_roofs_or_tables_of_cross_sections(tmp_path, build):
     """Of a building the roof and the walls, of a tree the class of an external code."""
     rows = [f"pine,X,HH,{a},{e},{a / 36 + e / 2}" for a in (0, 360) for e in (20, 60)]
     (tmp_path / "rcs.csv").write_text("\n".join(["class,band,polarisation,aspect_deg,elevation_deg,rcs_dbsm", *rows]))
@@ -195,8 +186,6 @@ def test_classes_have_roofs_or_tables_of_cross_sections(tmp_path: Path, build: A
     mapping = MAPPING | {"surfaces": {}, "features": features, "permittivity": {"wall": 5.0, "ground": 12.0}}
     scene = make_scene(build(path, mapping, cross_sections=str(tmp_path / "rcs.csv")), ["grass", "tiles"])
     objects = scene.objects
-    assert objects is not None
-    assert objects.walls is not None
     assert objects.walls.roofs == ("tiles",)
     assert objects.walls.roof.tolist() == [0, -1, 0]
     assert objects.walls.bounce.tolist() == [True, True, True]
@@ -212,11 +201,9 @@ def test_classes_have_roofs_or_tables_of_cross_sections(tmp_path: Path, build: A
             make_scene(build(path, mapping | {"features": {"building=*": wrong}}), None)
 
 
-def test_the_grid_of_objects_may_be_turned(tmp_path: Path, build: Any) -> None:
+def test_the_grid_of_objects_may_be_turned(tmp_path, build):
     path = write(tmp_path / "osm.gpkg", [square(310, 290, 12, 30, 25)], {"building": ["yes"], "natural": [""]})
     scene = make_scene(build(path, MAPPING | {"surfaces": {}}), None, 50.0)
-    assert scene.objects is not None
-    assert scene.transform is not None
     x, y = scene.objects.x_m + scene.transform[2], scene.objects.y_m + scene.transform[5]
     place = Transformer.from_crs(scene.crs, UTM, always_xy=True).transform(x, y)
     assert np.abs(np.ravel(place) - (WEST + 310, SOUTH + 290)).max() < 0.01
@@ -224,7 +211,7 @@ def test_the_grid_of_objects_may_be_turned(tmp_path: Path, build: Any) -> None:
     assert scene.objects.heading_deg[0] % 180 == pytest.approx((25 - 50 + 1.16) % 180, abs=0.05)
 
 
-def test_several_layers_are_read(tmp_path: Path, build: Any) -> None:
+def test_several_layers_are_read(tmp_path, build):
     path = write(tmp_path / "osm.gpkg", [square(200, 300, 240, 410)], {"class": ["water"]}, UTM, "areas")
     write(path, [shapely.LineString([(0, 300), (600, 300)])], {"highway": ["track"]}, "EPSG:4326", "roads")
     mapping = MAPPING | {"layers": ["areas", "roads"], "features": {}}
@@ -234,7 +221,7 @@ def test_several_layers_are_read(tmp_path: Path, build: Any) -> None:
         make_scene(build(path, MAPPING), None)
 
 
-def test_the_size_and_the_files_of_a_case(tmp_path: Path, build: Any) -> None:
+def test_the_size_and_the_files_of_a_case(tmp_path, build):
     config = build(write(tmp_path / "cover.shp", [square(200, 300, 240, 410)], {"class": ["water"]}))
     assert scene_size(config).cells == SIZE**2
     case = case_from({"scene": config.model_dump(), "materials": {"water": {"calibrate": True}}})
@@ -253,14 +240,14 @@ def test_the_size_and_the_files_of_a_case(tmp_path: Path, build: Any) -> None:
         ({"surfaces": {"water": "water"}, "background": ""}, r"scene.materials: .*cover.gpkg has no material where"),
     ],
 )
-def test_wrong_mappings_are_told(tmp_path: Path, build: Any, mapping: dict[str, Any], text: str) -> None:
+def test_wrong_mappings_are_told(tmp_path, build, mapping, text):
     path = write(tmp_path / "cover.gpkg", [square(200, 300, 240, 410)], {"class": ["field"]})
     plain = {"attribute": "class", "surfaces": {"field": "crops"}}
     with pytest.raises(SceneError, match=text):
         make_scene(build(path, plain | mapping), None)
 
 
-def test_features_without_a_place_are_left_out(tmp_path: Path, build: Any) -> None:
+def test_features_without_a_place_are_left_out(tmp_path, build):
     ring = [[4.45, 52.15], [4.47, 52.15], [4.47, 52.17], [4.45, 52.15]]
     shapes = [{"type": "Polygon", "coordinates": [one]} for one in (ring, [ring[0], ring[0]], [[1e300, 0], *ring])]
     features = [{"type": "Feature", "geometry": one, "properties": {"class": "field"}} for one in (*shapes, None)]
@@ -272,7 +259,7 @@ def test_features_without_a_place_are_left_out(tmp_path: Path, build: Any) -> No
     assert found(scene, "features_without_place")[0].numbers["features"] >= 2
 
 
-def test_features_without_an_extent_and_whole_numbers(tmp_path: Path, build: Any) -> None:
+def test_features_without_an_extent_and_whole_numbers(tmp_path, build):
     flat = shapely.Polygon([(100, 100), (120, 120), (140, 140)])
     shapes = [shapely.LineString([(200, 200), (200, 200)]), flat, square(400, 400, 50, 50), shapely.Point(300, 300)]
     path = write(
@@ -286,14 +273,14 @@ def test_features_without_an_extent_and_whole_numbers(tmp_path: Path, build: Any
     assert found(scene, "features_without_size")[0].numbers == {"features": 2, "codes": "building=* (2)"}
 
 
-def test_a_layer_needs_a_crs(tmp_path: Path, build: Any) -> None:
+def test_a_layer_needs_a_crs(tmp_path, build):
     path = write(tmp_path / "cover.shp", [square(200, 300, 240, 410)], {"class": ["water"]})
     path.with_suffix(".prj").unlink()
     with pytest.raises(SceneError, match=r"scene.materials: .*cover.shp layer 'cover' has the CRS None, expected"):
         make_scene(build(path, {"attribute": "class", "surfaces": {"water": "water"}}), None)
 
 
-def test_a_vector_file_needs_its_source(build: Any, tmp_path: Path) -> None:
+def test_a_vector_file_needs_its_source(build, tmp_path):
     os.link(tmp_path / "dem.tif", tmp_path / "cover.tif")
     with pytest.raises(ValueError, match=r"materials is .*cover.tif, expected a file ending with .gpkg, .shp"):
         build(tmp_path / "cover.tif")

@@ -10,7 +10,7 @@ from calibration_samples import drawn_target
 from raster_files import read_image
 from scipy import stats
 
-from radcal.config import Case, FileMeasurement, load
+from radcal.config import Case, load
 from radcal.ground.pixels import point_targets
 from radcal.image.looks import estimate_looks
 from radcal.image.model import Measurement
@@ -44,7 +44,6 @@ def table():
 def parts():
     case = load([ROOT / "config" / "flevoland.yaml"])
     geometry = make_geometry(make_scene(case.scene, list(case.materials)), case.radar)
-    assert isinstance(case.measurement, FileMeasurement)
     path = Path(os.environ["RADCAL_DATA"]) / "flevoland" / "sigma0_hh.tif"
     return Parts(case, geometry, Measurement(read_image(path, case.measurement, geometry.shape).image_db, path.name))
 
