@@ -1,6 +1,7 @@
 """Results for scripts: tables, and images with their units and coordinates."""
 
 import re
+import shutil
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -9,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pystac
 import pytest
+import rasterio
 from archives import changed_material, posterior
 from pyproj import Transformer
 
@@ -146,6 +148,33 @@ def test_what_is_missing_is_named(folder, tmp_path):
         radcal.open(tmp_path)
     with pytest.raises(StoreError, match=r"gone is no folder"):
         radcal.open(tmp_path / "gone")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "read", "told"),
+    [
+        ("summary.json", b"{}", lambda one: one.verdict, "lacks materials"),
+        ("runs.csv", b"", lambda one: one.runs, "No columns to parse"),
+        ("export/laws.csv", b"a,b\n1,2\n", lambda one: one.laws, "None of .* are in the columns"),
+        ("export/parameters.csv", b"\xff\xfe", lambda one: one.materials, "codec can't decode"),
+    ],
+)
+def test_other_contents_are_one_sentence(folder, tmp_path, name, content, read, told):
+    shutil.copytree(folder, tmp_path / "small")
+    (tmp_path / "small" / name).write_bytes(content)
+    with pytest.raises(StoreError, match=rf"{name}: holds other contents than radcal writes \(.*{told}"):
+        read(radcal.open(tmp_path / "small"))
+
+
+def test_an_image_of_another_program_is_one_sentence(folder, tmp_path):
+    shutil.copytree(folder, tmp_path / "small")
+    path = tmp_path / "small/export/measured.tif"
+    with rasterio.open(path) as raster:
+        values, profile = raster.read(), raster.profile
+    with rasterio.open(path, "w", **profile) as raster:
+        raster.write(values)
+    with pytest.raises(StoreError, match=r"measured\.tif: holds other contents .*lacks the tags unit and grid"):
+        radcal.open(tmp_path / "small").unit("measured")
 
 
 def test_the_script_of_the_page_runs(folder, capsys):

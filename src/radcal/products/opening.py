@@ -42,6 +42,8 @@ class Results:
         try:
             with understood(path):
                 data = json.loads(path.read_text(encoding="utf-8"))
+                if lacking := {"verdict", "runs", "materials"} - data.keys():
+                    raise LookupError(f"lacks {min(lacking)}")
                 return {key: value for key, value in data.items() if key != "sha256"}
         except OSError as error:
             raise unreachable(path, error) from error
@@ -54,17 +56,17 @@ class Results:
     @cached_property
     def materials(self) -> pd.DataFrame:
         """Parameters of the calibrated materials, indexed by material and parameter (``docs/exports.md``)."""
-        return self._table("export/parameters.csv").set_index(["material", "parameter"])
+        return self._table("export/parameters.csv", ["material", "parameter"])
 
     @cached_property
     def laws(self) -> pd.DataFrame:
         """Sigma0 [dB] with its 90 % band, indexed by material and local incidence [deg] (``docs/exports.md``)."""
-        return self._table("export/laws.csv").set_index(["material", "incidence_deg"])
+        return self._table("export/laws.csv", ["material", "incidence_deg"])
 
     @cached_property
     def runs(self) -> pd.DataFrame:
         """Table of the reference run and of all runs of the search, indexed by run and material."""
-        return self._table("runs.csv").set_index(["run", "material"])
+        return self._table("runs.csv", ["run", "material"])
 
     @property
     def run_counts(self) -> dict[str, int]:
@@ -174,11 +176,12 @@ class Results:
 
         return posterior_tree(read_finished(self.folder))
 
-    def _table(self, name: str) -> pd.DataFrame:
+    def _table(self, name: str, index: list[str]) -> pd.DataFrame:
         import pandas as pd
 
         try:
-            return pd.read_csv(self.folder / name)
+            with understood(self.folder / name):
+                return pd.read_csv(self.folder / name).set_index(index)
         except OSError as error:
             raise unreachable(self.folder / name, error) from error
 
@@ -192,8 +195,10 @@ class Results:
             raise StoreError(f"{self.folder / 'export'}: no image {name!r}, expected one of {self.images}.")
         path = self.folder / "export" / f"{name}.tif"
         try:
-            with open_raster(path) as raster:
+            with understood(path), open_raster(path) as raster:
                 tags = {key: value for key, value in raster.tags().items() if key.islower()}
+                if not {"unit", "grid"} <= tags.keys():
+                    raise LookupError("lacks the tags unit and grid")
                 crs = {} if raster.crs is None else {"crs": raster.crs.to_string()}
                 return raster.read(1), {**tags, **crs}, tuple(raster.transform)[:6]
         except (OSError, RasterioError) as error:
