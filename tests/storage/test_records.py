@@ -245,7 +245,7 @@ def test_a_file_that_cannot_be_reached_is_not_damaged(tmp_path, monkeypatch):
         inspect(path, "scene")
     monkeypatch.undo()
     inspect(path, "scene")
-    with pytest.raises(StoreError, match="is missing; type the same command again"):
+    with pytest.raises(StoreError, match="is missing; type the command of its case again"):
         inspect(tmp_path / "b.h5", "scene")
 
 

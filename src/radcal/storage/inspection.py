@@ -60,7 +60,7 @@ def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -
 def unreachable(path: Path, error: OSError) -> StoreError:
     """StoreError about a file that the operating system cannot open or read."""
     if isinstance(error, FileNotFoundError):
-        return StoreError(f"{path}: is missing; type the same command again to have it made.")
+        return StoreError(f"{path}: is missing; type the command of its case again to have it made.")
     reason = os.strerror(error.errno) if error.errno is not None else error
     return StoreError(f"{path}: cannot be read ({reason}); nothing was changed.")
 
