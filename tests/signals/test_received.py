@@ -291,10 +291,19 @@ def test_files_that_cannot_be_focused_are_told(tmp_path):
         read_cphd(path, "HH")
     with pytest.raises(ConfigError, match=r"6.4e\+13 pixels of 1e-05 m, expected a spacing of at least 0.008 m"):
         write_image(path, tmp_path, 1e-5)
+    for part, told in [
+        ({"spacing_m": np.inf}, "80 m have no pixel of inf m, expected a smaller spacing"),
+        ({"spacing_m": 2.0, "size_m": 1.5}, "1.5 m have no pixel of 2 m"),
+        ({"centre": (0.0, 0.0)}, "--centre is given without --size, expected both"),
+        ({"size_m": 5.0, "centre": (np.nan, 0.0)}, "--centre is nan and nan m from the reference point, outside"),
+    ]:
+        with pytest.raises(ConfigError, match=f"other.cphd: {told}"):
+            write_image(path, tmp_path, **part)
     good = path.read_bytes()
     for wrong, told in [
         (good.replace(b"XML_BLOCK_SIZE := ", b"XML_BLOCK_SIZE := 9999999"), r"XML_BLOCK_SIZE is 9999999\d+, expected"),
         (good.replace(b"NumVectors>", b"NumVectorz>"), r"\(an element of its metadata is missing or empty\)"),
+        (good.replace(b"DomainType>FX<", b"DomainType>XX<"), "DomainType is XX, expected FX or TOA"),
         (good.replace(b"SGN>-1<", b"SGN> 0<"), "SGN is 0, expected -1 or 1"),
         (good.replace(b"IARP>", b"IARQ>"), r"\(SceneCoordinates/IARP/ECF is missing\)"),
         (good.replace(b"uIAY>", b"uIAZ>"), r"\(SceneCoordinates/ReferenceSurface/HAE/uIAXLL is missing\)"),

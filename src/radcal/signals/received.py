@@ -190,7 +190,9 @@ def _read(path: Path, channel: str | None) -> Received:
             raise ValueError(f"{name} is no number in some vectors")
     low, high = float(vectors["FX1"].max()), float(vectors["FX2"].min())
     steps, start = vectors["SCSS"], vectors["SC0"]
-    arrival = _of(helper, "{*}Global/{*}DomainType") == "TOA"
+    if (domain := _of(helper, "{*}Global/{*}DomainType")) not in ("FX", "TOA"):
+        raise ConfigError(f"{path}: DomainType is {domain}, expected FX or TOA.")
+    arrival = domain == "TOA"
     if low >= high or steps.min() <= 0.0:
         raise ConfigError(f"{path}: pulses of channel {asked!r} have no common band, expected FX1 below FX2 in all.")
     samples = int(_of(helper, f"{{*}}Data/{{*}}Channel[{{*}}Identifier='{asked}']/{{*}}NumSamples"))
@@ -284,12 +286,14 @@ def _part(found: Received, size_m: float | None, centre: tuple[float, float] | N
 
     middle = np.zeros(2)
     if centre is not None:
+        if size_m is None:
+            raise ConfigError(f"{found.path}: --centre is given without --size, expected both.")
         height = wgs84.cartesian_to_geodetic(found.origin_m)[2]
         away = wgs84.geodetic_to_cartesian([*centre, height]) - found.origin_m
         middle = np.linalg.lstsq(found.plane.T, away, rcond=None)[0]
     half = np.inf if size_m is None else 0.5 * size_m
     ends: Doubles = np.clip(middle + np.array([[-half], [half]]), *found.ends_m)
-    if (ends[0] >= ends[1]).any():
+    if not (ends[0] < ends[1]).all():  # also of places that are no number
         x, y = middle
         raise ConfigError(
             f"{found.path}: --centre is {x:.0f} and {y:.0f} m from the reference point, outside of the image area."
@@ -338,7 +342,8 @@ def write_image(
     fine = WIDTH_FACTOR * min(LIGHT_MPS / (2.0 * one.samples * one.step_hz), 1.0 / one.band)
     step = spacing_m or 0.5 * fine
     ends = _part(found, size_m, centre)
-    size = np.ptp(ends, axis=0)
+    if not ((size := np.ptp(ends, axis=0)) >= step).all():
+        raise ConfigError(f"{path}: {size.min():.3g} m have no pixel of {step:.3g} m, expected a smaller spacing.")
     if (pixels := float(np.prod(size / step))) > _LARGEST:
         least = np.sqrt(np.prod(size) / _LARGEST)
         raise ConfigError(
