@@ -94,6 +94,7 @@ def test_band_and_dataset_are_chosen_by_name(tmp_path):
         (np.full((4, 5), np.nan), "power", "no finite number"),
         (np.zeros((0, 5)), "power", "no finite number"),
         (np.zeros((4, 5)), "power", "no power: 20 of its pixels are 0"),
+        (np.full((4, 5), 0.1), "power", r"measurement.path: all 20 pixels of .*a.npy are -10 dB, expected an image"),
         (np.zeros((4, 5), dtype=complex), "complex", "no power: 20 of its pixels are 0"),
         (np.ones((2, 3, 4)), "power", r"shape \(2, 3, 4\), expected an image"),
     ],

@@ -166,6 +166,9 @@ class Reader(FileReader):
         config = self.config.model_copy(update={"scale": scale})
         image, counts = to_db(values, image_file(self.path, config, shape))
         present = image[np.isfinite(image)]
+        if present.min() == present.max():
+            one = f"all {present.size:,} pixels of {self.path} are {present[0]:.4g} dB"
+            raise MeasurementError(f"measurement.path: {one}, expected an image.")
         # speckle has an sd of 2 dB or more, so that an image with its median near 0 dB has negative values
         if scale == "db" and present.min() >= 0 and np.median(present) < 3.0:
             raise MeasurementError(
