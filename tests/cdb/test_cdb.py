@@ -410,6 +410,25 @@ def test_unmapped_names_are_refused_above_one_percent(root, build):
         make_scene(build(MAPPING.replace(", WATER: water", "")), None)
 
 
+@pytest.mark.parametrize(
+    ("dataset", "ending", "told"),
+    [
+        (
+            1,
+            "tif",
+            r"scene\.root: .* only no-data; left out: Tiles/.*_D001_.*\.tif \(cannot be read as a raster.*\)\.$",
+        ),
+        (6, "xml", r"add these names to composites; left out: Tiles/.*_D006_.*\.xml \(cannot be read as XML.*\)\.$"),
+    ],
+)
+def test_an_error_names_the_damaged_file_that_is_its_cause(
+    root: Path, build: Any, dataset: int, ending: str, told: str
+) -> None:
+    next(root.glob(f"Tiles/**/*_D{dataset:03d}_*.{ending}")).write_text("<")
+    with pytest.raises(SceneError, match=told):
+        make_scene(build(), None)
+
+
 @pytest.mark.parametrize(("beyond_deg", "severity"), [(1.9e-4, "note"), (6e-4, "warning")])
 def test_missing_tiles_are_a_warning_above_one_percent(root, build, beyond_deg, severity):
     east = tile_of(*PLACE, 2)[-1][0] + 0.25  # border of the only tiles

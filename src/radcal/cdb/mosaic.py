@@ -30,6 +30,7 @@ T = TypeVar("T")
 POST, AREA = 0.0, 0.5  # place of an element, from the south-west corner of its area [elements]
 _MARGIN = 4  # elements around the bounds: cubic convolution reaches 2
 _RESOLUTION = attrgetter("level", "step")
+_SHOWN = 3  # largest number of files named in an error
 _OFF = 0.1  # largest distance of a file's tags from the place of its name without a finding [elements]
 
 
@@ -64,6 +65,18 @@ class Log(list[Finding]):
         except SceneError as error:
             self.left_out_by(error)
             return None
+
+    @contextmanager
+    def causes(self) -> Iterator[None]:
+        """Context whose error also says which files were left out, because they may be its cause."""
+        try:
+            yield
+        except SceneError as error:
+            files = [f"{one.about} ({one.numbers['reason']})" for one in self if one.code == "cdb_left_out"]
+            if not files:
+                raise
+            more = f"; and {len(files) - _SHOWN} more" * (len(files) > _SHOWN)
+            raise SceneError(f"{str(error).rstrip('.')}; left out: {'; '.join(files[:_SHOWN])}{more}.") from None
 
     def refused(self, path: Path, text: str) -> SceneError:
         """Error on a file, from the end of a sentence."""

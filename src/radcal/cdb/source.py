@@ -75,7 +75,8 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
             log.left_out(one.path, one.fault)
     grid = grid_of_degrees(config.bounds, config.crs, config.cell_m, to_elements.step, heading_deg)
     heights_m, of_heights = heights(_tiles(files, 1), to_posts, log)
-    ids, mixtures, of_ids = material_ids(files, to_elements, mapping, log)
+    with log.causes():
+        ids, mixtures, of_ids = material_ids(files, to_elements, mapping, log)
     step = picture_step((grid.rows, grid.columns))
     picture, of_picture = imagery([one for one in pictures if not one.fault], grid, step, log)
     for about, levels in (("elevation", of_heights), ("material", of_ids), ("imagery", of_picture)):
@@ -87,6 +88,7 @@ def cdb_scene(config: CdbScene, heading_deg: float) -> Scene:
     datum = _DATUM if given is None else (named_datum(given), "from scene.vertical_datum")
 
     with (
+        log.causes(),
         to_posts.source(root, heights_m, np.nan) as elevation,
         to_elements.source(root, ids, NO_TILE) as materials,
         to_elements.source(root, mixtures.astype(np.uint8), NO_TILE) as mixture,
