@@ -421,9 +421,7 @@ def test_unmapped_names_are_refused_above_one_percent(root, build):
         (6, "xml", r"add these names to composites; left out: Tiles/.*_D006_.*\.xml \(cannot be read as XML.*\)\.$"),
     ],
 )
-def test_an_error_names_the_damaged_file_that_is_its_cause(
-    root: Path, build: Any, dataset: int, ending: str, told: str
-) -> None:
+def test_an_error_names_the_damaged_file_that_is_its_cause(root, build, dataset, ending, told):
     next(root.glob(f"Tiles/**/*_D{dataset:03d}_*.{ending}")).write_text("<")
     with pytest.raises(SceneError, match=told):
         make_scene(build(), None)
