@@ -57,7 +57,7 @@ def test_registration_runs_are_counted_apart_and_a_summary_without_runs_is_one_s
     assert "besides 1 reference, 2 registration, 1 final; end" in show(folder)[7]
     del data["runs"]
     file.write_text(json.dumps(data))
-    with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(KeyError: 'runs'\)"):
+    with pytest.raises(StoreError, match=r"summary\.json: holds other contents .* \(LookupError: lacks runs\)"):
         show(folder)
 
 
