@@ -55,6 +55,11 @@ def letter_band(frequency_hz: float) -> str | None:
     return next((label for label, (low, high) in LETTER_BANDS_GHZ.items() if low <= ghz < high), None)
 
 
+def limits_ghz(label: str) -> tuple[float, float] | None:
+    """Limits of the frequency band that a label names, such as "X" or "X-band" [GHz]; None if it names no known one."""
+    return next((limits for known, limits in LETTER_BANDS_GHZ.items() if same_label(label, known)), None)
+
+
 def within_band(label: str, frequency_hz: float) -> bool | None:
     """Whether a frequency lies in the band that a label names.
 
@@ -70,7 +75,5 @@ def within_band(label: str, frequency_hz: float) -> bool | None:
     bool or None
         Whether the frequency lies in the band; None if the label names no known band.
     """
-    for known, (low, high) in LETTER_BANDS_GHZ.items():
-        if same_label(label, known):
-            return low <= frequency_hz / 1e9 < high
-    return None
+    limits = limits_ghz(label)
+    return None if limits is None else limits[0] <= frequency_hz / 1e9 < limits[1]

@@ -11,14 +11,12 @@ from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
-from radcal.gmti.adaptive import Complex, Interval
+from radcal.gmti.adaptive import Array, Complex, Interval
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng, derived_seed
 from radcal.signals.history import echoes
 from radcal.signals.platform import Collection, check_prf
 from radcal.signals.scatterers import Scatterers, scatterers
-
-Array = NDArray[np.floating[Any]]
 
 
 @dataclass(frozen=True)

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.config.part import Part
-from radcal.gmti.adaptive import Complex, Interval, covariance, kelly, kelly_threshold, least_velocity_mps
+from radcal.gmti.adaptive import Array, Complex, Interval, covariance, kelly, kelly_threshold, least_velocity_mps
 from radcal.gmti.channels import Dwell
 from radcal.scene.model import Scene
 from radcal.signals.platform import Collection
-
-Array = NDArray[np.floating[Any]]
 
 _COUNTED = 8  # one gate in so many counts the false alarms without movers
 HALF_BEAM = 0.4
@@ -132,10 +128,9 @@ def detections(
         u, v = sine[coarse] + du, speed[coarse] + dv
         finer = kelly(echoes[:, gate : gate + 1], sums[gate], interval.steering(u, v))[0]
         k = int(finer.argmax())
-        place = _place(scene, one, dwell.antenna_m, dwell.range_m[gate], u[k])
-        reports.append(
-            Report(*place, float(dwell.range_m[gate]), float(v[k]), float(finer[k]), dwell.number, dwell.scan)
-        )
+        slant = float(dwell.range_m[gate])
+        place = _place(scene, one, dwell.antenna_m, slant, u[k])
+        reports.append(Report(*place, slant, float(v[k]), float(finer[k]), dwell.number, dwell.scan))
     return reports, float((alone > least).mean())
 
 

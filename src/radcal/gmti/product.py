@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.figures.drawing import HIDDEN, new_canvas, styled, write_png
 from radcal.findings import Finding
-from radcal.gmti.adaptive import Interval, dpca, kelly_threshold
+from radcal.gmti.adaptive import Array, Interval, dpca, kelly_threshold
 from radcal.gmti.channels import Movers, dwells, interval_of, movers_of
 from radcal.gmti.detection import GUARD, HALF_BEAM, Report, detections, least_velocity
 from radcal.gmti.stanag import write_stanag
@@ -29,7 +28,6 @@ from radcal.signals.platform import Collection, collection
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
-Array = NDArray[np.floating[Any]]
 _Line = tuple[Array, Array]  # times [s], and places to the east and to the north [m], of one or more scans
 
 _SHOWN_S = 10.0  # least way of the movers on the map
@@ -67,17 +65,17 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     case, scene, config = made.case, made.scene, made.case.gmti
     one = collection(case, scene)
     interval, movers = interval_of(case, one), movers_of(case, scene)
-    reports, alarms, slowest, antennas = list[Report](), list[float](), list[float](), dict[int, Array]()
-    left = list[float]()  # share of the ground's power that the differences of displaced phase centres leave
+    reports, antennas, told = list[Report](), dict[int, Array](), list[tuple[float, float, float]]()
     for dwell in dwells(case, scene, one, movers, made.seed):
-        slowest.append(least_velocity(dwell, interval, one))
-        power = [np.mean(np.abs(each) ** 2) for each in (dpca(dwell.ground, interval), dwell.ground)]
-        left.append(float(power[0] / power[1]))
+        least = least_velocity(dwell, interval, one)
+        left, whole = (float(np.mean(np.abs(each) ** 2)) for each in (dpca(dwell.ground, interval), dwell.ground))
         with one_thread():
-            some, share = detections(dwell, interval, case, scene, one, slowest[-1])
+            some, share = detections(dwell, interval, case, scene, one, least)
         reports += some
         antennas[dwell.number] = dwell.antenna_m
-        alarms.append(share)
+        told.append((share, least, left / whole))
+    # of false alarms, and of the ground's power that the differences of displaced phase centres leave
+    alarms, slowest, shares = np.array(told).T
     paths = [stem.with_suffix(".geojson"), stem.with_suffix(".png")]
     places = [np.array([each.east_m, each.north_m]) for each in reports]
     _write_geojson(paths[0], [*zip(map(asdict, reports), places, strict=True)], made)
@@ -87,7 +85,7 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
         "asked": config.false_alarms,
         "alarms": float(np.mean(alarms)),
         "least_mps": float(np.median(slowest)),
-        "dpca_db": float(10.0 * np.log10(np.mean(left))),
+        "dpca_db": float(10.0 * np.log10(np.mean(shares))),
     }
     found, tracks = list[Path | Finding]([Finding("gmti_detections", "note", "gmti", numbers)]), list[Track]()
     found += _missing("STANAG 4607", "stanag4607", "stanag") or write_stanag(
@@ -138,10 +136,8 @@ def _tracks(reports: Sequence[Report], interval: Interval, made: Forward, one: C
                 kept.append(each)
         rows = [(r.east_m, -r.velocity_mps * r.range_m / (r.east_m - one.nadir_m), r.north_m) for r in kept]
         plots.append((scan * config.revisit_s, np.array(rows).reshape(-1, 3)))
-    steep, eta = (
-        one.range_m / one.reference_m[0, 1],
-        kelly_threshold(config.false_alarms, interval.size, config.training),
-    )
+    steep = one.range_m / one.reference_m[0, 1]
+    eta = kelly_threshold(config.false_alarms, interval.size, config.training)
     snr = eta / (1.0 - eta) * (config.training - interval.size + 1)  # behind the adaptive filter
     return tracked(plots, [0.25 * steep * gate, 0.25 * steep * slow, beam / (1.6 * np.sqrt(2.0 * snr))])
 

@@ -15,10 +15,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from radcal.errors import ConfigError
 from radcal.findings import Finding
+from radcal.gmti.adaptive import Array
 from radcal.gmti.detection import HALF_BEAM, Report
 from radcal.signals.places import site_of, start_utc
 from radcal.signals.platform import Collection
@@ -35,8 +35,6 @@ _MASK = (
     sum(1 << (65 - field) for field in (*range(2, 10), *range(15, 18), *range(24, 28)))
     + sum(1 << (34 - field) for field in (1, 2, 3, 6, 7, 8))
 ).to_bytes(8, "big")
-
-Array = NDArray[np.floating[Any]]
 
 
 def write_stanag(

@@ -83,13 +83,9 @@ def tracked(scans: Sequence[tuple[float, Array]], error: Sequence[float]) -> lis
     updater = KalmanUpdater(measured)
     nearest = GNNWith2DAssignment(DistanceHypothesiser(KalmanPredictor(motion), updater, Mahalanobis(), _GATE))
     beginning = MultiMeasurementInitiator(
-        GaussianState(np.zeros(4), np.diag([0.0, _FASTEST_MPS**2] * 2)),
-        UpdateTimeStepsDeleter(1),
-        nearest,
-        updater,
-        measured,
-        _FEWEST,
-    )
+        GaussianState(np.zeros(4), np.diag([0.0, _FASTEST_MPS**2] * 2)), UpdateTimeStepsDeleter(1), nearest, updater,
+        measured, _FEWEST,
+    )  # fmt: skip
     times = ((_START + timedelta(seconds=float(seconds)), rows) for seconds, rows in scans)
     detected = (
         (time, {Detection(row[:, None], time, measurement_model=measured) for row in rows}) for time, rows in times

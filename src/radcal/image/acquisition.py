@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radcal.bands import letter_band, within_band
 from radcal.config import Radar
 from radcal.findings import Finding
-from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.radiometry import nesz_db
 
 # over one degree the laws of natural surfaces change by up to 1 dB (docs/measured_images.md, "One incidence")
 _INCIDENCE_DEG = 1.0
@@ -219,8 +219,7 @@ def differences(acquisition: Acquisition, radar: Radar) -> list[Finding]:
         numbers = {"look_deg": look_azimuth_deg(a), "heading_deg": a.heading_deg, "configured_deg": look}
         found.append(Finding("look_direction", "note", a.product, numbers))
     angles, levels = (np.array(part) for part in zip(*a.nesz_db, strict=True))
-    # the noise floor of radiometry sigma0_ref is noise-equivalent sigma0 itself
-    configured = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), angles)
+    configured = nesz_db(radar, angles)
     if not a.noise_removed and np.abs(configured - levels).max() > _NOISE_DB:
         worst = int(np.argmax(np.abs(configured - levels)))
         at = {"angle_deg": angles[worst], "nesz_db": levels[worst], "configured_db": configured[worst]}

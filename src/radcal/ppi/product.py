@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,7 +23,7 @@ from radcal.sections.errors import nearest
 from radcal.sections.ppi import Ppi
 from radcal.signals.platform import carrier_hz
 from radcal.simulators.forward import Forward
-from radcal.storage.files import atomic
+from radcal.storage.records import plain_hdf5
 
 _ALL_DEG = (0.0, 90.0)
 _LARGEST = 200_000_000  # largest number of pulses x gates: 5 GB of sums
@@ -135,7 +133,7 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
 
 def _write_sweep(path: Path, made: Forward, sweep: Sweep, reported: NDArray[np.bool_]) -> None:
     """Write a turn with the names of CfRadial 2.0 (Dixon and Lee, 2016): root group, and one group for the sweep."""
-    config, scene, whole = made.case.ppi, made.scene, io.BytesIO()  # HDF5 cannot recover from a full disk
+    config, scene = made.case.ppi, made.scene
     assert scene.elevation_m is not None  # noqa: S101 - checked
     x, y = site_of(scene, config)
     longitude, latitude = longitude_latitude(scene, x, y) or (np.nan, np.nan)
@@ -158,7 +156,7 @@ def _write_sweep(path: Path, made: Forward, sweep: Sweep, reported: NDArray[np.b
         "sweep_0/SNR": (snr, ("time", "range"), "dB", "signal_to_noise_ratio"),
         "sweep_0/DETECTED": (reported.astype(np.int8), ("time", "range"), "1", "detection_by_cell_averaging"),
     }  # fmt: skip
-    with h5py.File(whole, "w") as file:
+    with plain_hdf5(path) as file:
         described = {f"ppi_{key}": value for key, value in config.model_dump(exclude={"land", "site_m"}).items()}
         file.attrs.update({
             "Conventions": "Cf/Radial", "version": "2.0", "title": f"PPI of the case {made.case.case}",
@@ -174,8 +172,6 @@ def _write_sweep(path: Path, made: Forward, sweep: Sweep, reported: NDArray[np.b
                     data.make_scale(axis)
                 else:
                     data.dims[k].attach_scale(data.parent[axis])
-    with atomic(path) as partial_path:
-        partial_path.write_bytes(whole.getbuffer())
 
 
 def _write_pictures(

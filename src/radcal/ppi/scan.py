@@ -5,21 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import scipy
 from numpy.typing import NDArray
 
 from radcal.laws.grazing import weibull_power
-from radcal.ppi.ground import Ground, Points
+from radcal.ppi.ground import Array, Ground, Points
 from radcal.sections.ppi import Ppi
 from radcal.seeds import derived_rng
 
-Array = NDArray[np.floating[Any]]
-
 _GATES = 64  # gates at a time; each such block has a generator of its own
-_FOUR_LOG_TWO = 4.0 * math.log(2.0)
 
 
 @dataclass(frozen=True)
@@ -44,11 +40,10 @@ class Sweep:
     without_objects: Array
 
 
-def _pattern(config: Ppi) -> Array:
-    """One-way power pattern of the antenna at the azimuths of the pulses of a turn, relative to its axis."""
-    n = config.turn
-    off = (np.arange(n) + n // 2) % n - n // 2
-    return np.asarray(np.exp(-_FOUR_LOG_TWO * (off * 360.0 / n / config.azimuth_beam_deg) ** 2))
+def _pattern(config: Ppi, azimuth_deg: float = 0.0) -> Array:
+    """One-way power pattern of the antenna in an azimuth, at all pulses of a turn."""
+    off = (np.arange(config.turn) * 360.0 / config.turn - azimuth_deg + 180.0) % 360.0 - 180.0
+    return np.asarray(np.exp(-4.0 * math.log(2.0) * (off / config.azimuth_beam_deg) ** 2))
 
 
 def _seen_by(pattern: Array, values: NDArray[np.complex128]) -> NDArray[np.complex128]:
@@ -91,9 +86,8 @@ def _blocks(ground: Ground, points: Points, config: Ppi, seed: int) -> Iterator[
             pulses += np.sqrt(power) * np.exp(1j * turned[cell])
         without = of_rays(pulses)
         for k in np.nonzero((points.gate >= first) & (points.gate < gates.stop))[0]:
-            off = (np.arange(n) * 360.0 / n - points.azimuth_deg[k] + 180.0) % 360.0 - 180.0
-            pattern = np.exp(-_FOUR_LOG_TWO * (off / config.azimuth_beam_deg) ** 2)
-            pulses[:, points.gate[k] - first] += pattern * math.sqrt(points.snr[k]) * np.exp(1j * phase[k])
+            echo = math.sqrt(points.snr[k]) * np.exp(1j * phase[k])
+            pulses[:, points.gate[k] - first] += _pattern(config, points.azimuth_deg[k]) * echo
         yield of_rays(pulses), without
 
 

@@ -41,6 +41,15 @@ def of_sigma0(radiometry: str, incidence_deg: ArrayLike) -> NDArray[np.float64]:
             return np.ones_like(incidence)
 
 
+def nesz_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64]:
+    """Noise-equivalent sigma0 of a pass [dB]: ``radar.nesz_db``, interpolated as :func:`noise_floor_db` says."""
+    incidence = np.asarray(incidence_deg, dtype=np.float64)
+    if isinstance(radar.nesz_db, float):
+        return np.full_like(incidence, radar.nesz_db)
+    angles, levels = zip(*radar.nesz_db, strict=True)
+    return np.asarray(np.interp(incidence, angles, levels))
+
+
 def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64]:
     """Noise floor: level of an image that contains thermal noise alone.
 
@@ -57,13 +66,7 @@ def noise_floor_db(radar: Radar, incidence_deg: ArrayLike) -> NDArray[np.float64
         Noise level in the image's radiometry [dB]. A table ``nesz_db`` is interpolated linearly in dB between its rows,
         and is constant beyond its ends.
     """
-    incidence = np.asarray(incidence_deg, dtype=np.float64)
-    if isinstance(radar.nesz_db, float):
-        sigma0 = np.full_like(incidence, radar.nesz_db)
-    else:
-        angles, levels = zip(*radar.nesz_db, strict=True)
-        sigma0 = np.interp(incidence, angles, levels)
-    return np.asarray(sigma0 + 10.0 * np.log10(of_sigma0(radar.radiometry, incidence)))
+    return np.asarray(nesz_db(radar, incidence_deg) + 10.0 * np.log10(of_sigma0(radar.radiometry, incidence_deg)))
 
 
 def with_noise_db(law_db: NDArray[np.float64], noise_db: NDArray[np.float64] | float) -> NDArray[np.float64]:

@@ -39,6 +39,7 @@ Length = Annotated[Real, Field(ge=1e-3, le=1e6)]  # side of a cell or a pixel
 Looks = Annotated[Real, Field(ge=1, le=64), AfterValidator(_whole), PlainSerializer(lambda value: value)]
 Coordinate = Annotated[Real, Field(ge=-1e8, le=1e8)]  # the Earth's circumference is 4e7 m
 Frequency = Annotated[Real, Field(ge=0.01, le=1000)]  # from HF to the highest radar bands
+FalseAlarms = Annotated[Real, Field(ge=1e-9, le=0.1)]  # probability of a detector
 Decibels = Annotated[Real, Field(ge=-200, le=200)]  # the same range as in images
 # parameter of a law: its square and its cube are finite, and it fits into single precision
 Parameter = Annotated[Real, Field(ge=-1e30, le=1e30)]

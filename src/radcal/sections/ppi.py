@@ -9,7 +9,7 @@ from pydantic import Field, field_validator, model_validator
 
 from radcal.sections.base import Section
 from radcal.sections.errors import Wrong
-from radcal.sections.limits import Altitude, Coordinate, Integer, Length, Positive, Real
+from radcal.sections.limits import Altitude, Coordinate, FalseAlarms, Integer, Length, Positive, Real
 
 _HALF_LIGHT_M_S = 0.5 * 299_792_458.0  # distance of a target by the time of its echo
 _LEAST_PULSES = 4  # in a beam width: fewer do not sample the two-way pattern
@@ -55,7 +55,7 @@ class Ppi(Section):
         description="land clutter by material, which replaces law and speckle: rural, or rows of lowest depression "
         "[deg], mean sigma0 [dB] and Weibull spread, by falling depression",
     )
-    false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
+    false_alarms: FalseAlarms = Field(
         1e-3, description="probability of a false alarm of the detector in uniform clutter"
     )
     training_gates: Annotated[Integer, Field(ge=2, le=1000)] = Field(
@@ -86,8 +86,8 @@ class Ppi(Section):
             )
         if self.pulses > self.turn:
             raise Wrong("pulses", f" is {self.pulses}, expected at most {self.turn}, the pulses of a turn")
-        if self.gates < self.training_gates + 2 * self.guard_gates + 1:
-            needed = (self.training_gates + 2 * self.guard_gates + 1) * self.gate_m
+        if self.gates < (least := self.training_gates + 2 * self.guard_gates + 1):
+            needed = least * self.gate_m
             raise Wrong("range_m", f" is {self.range_m:g}, expected at least {needed:g}: the detector's training gates")
         return self
 
@@ -113,7 +113,7 @@ class Gmti(Section):
         16, description="number of pulses of a coherent processing interval"
     )
     prf_hz: Positive = Field(2000.0, description="pulse repetition frequency [Hz]")
-    false_alarms: Annotated[Real, Field(ge=1e-9, le=0.1)] = Field(
+    false_alarms: FalseAlarms = Field(
         1e-6, description="probability of a false alarm in one test, that of one gate, direction and velocity"
     )
     scans: Annotated[Integer, Field(ge=1, le=1000)] = Field(1, description="number of scans of the scene")

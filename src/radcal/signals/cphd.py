@@ -18,27 +18,24 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.scene.model import Scene
 from radcal.signals.history import BLOCK, Pulses, quantised, signal_of
-from radcal.signals.places import Site, origin, site_of, start_utc
-from radcal.signals.platform import LIGHT_MPS, Collection, collection, tangent
+from radcal.signals.places import Site, site_of, start_utc
+from radcal.signals.platform import LIGHT_MPS, Collection, Doubles, collection, tangent
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
 _SPACE = "http://api.nsgreg.nga.mil/schema/cphd/1.1.0"
 _USED = 0.9  # share of the window of slant range that holds the swath: the standard wants 1.1 times its samples
-# vector parameters: name, number of values
-_VECTOR = (
-    ("TxTime", 1), ("TxPos", 3), ("TxVel", 3), ("RcvTime", 1), ("RcvPos", 3), ("RcvVel", 3), ("SRPPos", 3),
-    ("AmpSF", 1), ("aFDOP", 1), ("aFRR1", 1), ("aFRR2", 1), ("FX1", 1), ("FX2", 1), ("TOA1", 1), ("TOA2", 1),
-    ("TDTropoSRP", 1), ("SC0", 1), ("SCSS", 1),
-)  # fmt: skip
-
-Doubles = NDArray[np.float64]
+_PLACE = np.dtype([(axis, "f8") for axis in "XYZ"])
+_VECTOR = np.dtype([
+    ("TxTime", "f8"), ("TxPos", _PLACE), ("TxVel", _PLACE), ("RcvTime", "f8"), ("RcvPos", _PLACE), ("RcvVel", _PLACE),
+    ("SRPPos", _PLACE), *((name, "f8") for name in ("AmpSF", "aFDOP", "aFRR1", "aFRR2", "FX1", "FX2", "TOA1", "TOA2")),
+    ("TDTropoSRP", "f8"), ("SC0", "f8"), ("SCSS", "f8"),
+])  # fmt: skip
 
 
 def check_iq(case: Part, scene: Scene) -> None:
     """Raise the errors of :func:`collection`, and of a place or date that a CPHD file needs and the case lacks."""
-    collection(case, scene)
-    origin(case, scene)
+    site_of(case, scene, collection(case, scene))
     start_utc(case)
 
 
@@ -87,7 +84,7 @@ def _tree(made: Forward, one: Collection, site: Site, layout: str) -> Any:
     if spotlight:  # all places have the same pulses
         dwell, time = dwell[:1, :1], time[:1, :1]
     root = etree.Element(f"{{{_SPACE}}}CPHD", nsmap={None: _SPACE})
-    tree, offsets = cphd.ElementWrapper(root), np.cumsum([0, *(size for _, size in _VECTOR)])
+    tree = cphd.ElementWrapper(root)
     tree["CollectionID"] = {
         "CollectorName": "radcal", "CoreName": f"{case.case}-{made.key}", "CollectType": "MONOSTATIC",
         "RadarMode": {"ModeType": case.signals.mode.upper()}, "Classification": "UNCLASSIFIED",
@@ -106,7 +103,7 @@ def _tree(made: Forward, one: Collection, site: Site, layout: str) -> Any:
         "ImageAreaCornerPoints": wgs84.cartesian_to_geodetic(corners)[:, :2],
     }
     tree["Data"] = {
-        "SignalArrayFormat": layout, "NumBytesPVP": 8 * int(offsets[-1]), "NumCPHDChannels": 1,
+        "SignalArrayFormat": layout, "NumBytesPVP": _VECTOR.itemsize, "NumCPHDChannels": 1,
         "Channel": [{
             "Identifier": channel, "NumVectors": pulses, "NumSamples": one.samples, "SignalArrayByteOffset": 0,
             "PVPArrayByteOffset": 0,
@@ -123,12 +120,8 @@ def _tree(made: Forward, one: Collection, site: Site, layout: str) -> Any:
         }],
     }  # fmt: skip
     tree["PVP"] = {
-        name: {
-            "Offset": int(offset),
-            "Size": size,
-            "dtype": np.dtype("f8" if size == 1 else [(x, "f8") for x in "XYZ"]),
-        }
-        for (name, size), offset in zip(_VECTOR, offsets[:-1], strict=True)
+        name: {"Offset": offset // 8, "Size": kind.itemsize // 8, "dtype": kind}
+        for name, (kind, offset, *_) in (_VECTOR.fields or {}).items()
     }
     tree["Dwell"] = {
         "NumCODTimes": 1, "CODTime": [{"Identifier": "middle", "CODTimePoly": time}],

@@ -195,8 +195,7 @@ def focused(one: Collection, signal: Pulses, made: Flown, folder: Path | None = 
             raw = converted(signal[some], one.bits)
             return omega_k(one.pulses(some.start, some.stop), raw, part[0, :, 0], slant)
 
-        done = strip() if folder is None else kept(folder / f"columns-{first}.h5", strip)
-        looks[:, :, first : first + _STRIP] = done
+        looks[:, :, first : first + _STRIP] = kept(folder, f"columns-{first}", strip)
     level = of_sigma0(radar.radiometry, made.geometry.flat_incidence_deg)
     level /= cell_area_m2(one, made.geometry.flat_incidence_deg)
     return looks * np.sqrt(level).astype(np.float32)[:, None]

@@ -18,7 +18,7 @@ import contextlib
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -32,6 +32,7 @@ from radcal.seeds import derived_seed
 from radcal.signals.platform import BEAM, LIGHT_MPS, Collection, collection
 from radcal.signals.scatterers import Scatterers, circular, scatterers
 from radcal.simulators.forward import Forward
+from radcal.speckle.gaussian import cosine_sine
 from radcal.storage.files import digest
 from radcal.storage.records import read_hdf5, write_hdf5
 
@@ -44,10 +45,7 @@ BLOCK = 64
 _LOAD = 5.0  # full scale of the converter, in rms of I or Q: 6e-7 of the values of a Gaussian signal are clipped
 
 _F = np.float32
-# sin and cos of up to an eighth of a turn (Moshier, Cephes library, single precision, 1992)
-_S1, _S2, _S3 = _F(-1.6666654611e-1), _F(8.3321608736e-3), _F(-1.9515295891e-4)
-_C1, _C2, _C3 = _F(4.166664568298827e-2), _F(-1.388731625493765e-3), _F(2.443315711809948e-5)
-_HALF, _ONE, _QUARTER = _F(0.5), _F(1.0), _F(np.pi / 2.0)
+_QUARTER = _F(np.pi / 2.0)
 
 
 @njit(inline="always")
@@ -55,10 +53,7 @@ def turned(turns: Any) -> Any:
     """Cosine and sine of an angle in turns (float64), in single precision."""
     quarters = 4.0 * (turns - np.floor(turns))
     nearest = np.floor(quarters + 0.5)
-    y = _F(quarters - nearest) * _QUARTER
-    z = y * y
-    sine = y + y * z * (_S1 + z * (_S2 + z * _S3))
-    cosine = _ONE - _HALF * z + z * z * (_C1 + z * (_C2 + z * _C3))
+    cosine, sine = cosine_sine(_F(quarters - nearest) * _QUARTER)
     quadrant = int(nearest) & 3
     if quadrant & 1:
         sine, cosine = cosine, -sine
@@ -237,8 +232,8 @@ class RawSignal:
 
     def __getitem__(self, pulses: slice) -> NDArray[np.complex64]:
         first, last, _ = pulses.indices(len(self))
-        blocks = [self._kept(number) for number in range(first // BLOCK, -(-last // BLOCK))]
-        start = first % BLOCK
+        numbers, start = range(first // BLOCK, -(-last // BLOCK)), first % BLOCK
+        blocks = [kept(self.folder, f"pulses-{k}", partial(self.block, k)) for k in numbers]
         return np.concatenate(blocks)[start : start + last - first]
 
     def block(self, number: int) -> NDArray[np.complex64]:
@@ -249,11 +244,6 @@ class RawSignal:
             pulses += receiver_noise(self.one, self.seed, first, last)
         return pulses
 
-    def _kept(self, number: int) -> NDArray[np.complex64]:
-        if self.folder is None:
-            return self.block(number)
-        return kept(self.folder / f"pulses-{number}.h5", lambda: self.block(number))
-
 
 class Pulses(Protocol):
     """Raw signal, in memory or made when a slice of pulses is asked for."""
@@ -261,9 +251,11 @@ class Pulses(Protocol):
     def __getitem__(self, pulses: slice, /) -> NDArray[np.complex64]: ...
 
 
-def kept(path: Path, make: Callable[[], NDArray[np.complex64]]) -> NDArray[np.complex64]:
-    """Array of a file, which is made and written first if it is missing or damaged."""
-    if path.exists():
+def kept(folder: Path | None, name: str, make: Callable[[], NDArray[np.complex64]]) -> NDArray[np.complex64]:
+    """Array of a file in a folder, which is made and written first if it is missing or damaged; made without one."""
+    if folder is None:
+        return make()
+    if (path := folder / f"{name}.h5").exists():
         with contextlib.suppress(DamagedError), read_hdf5(path, "signal_part") as file:
             return np.asarray(file["values"][()])
     made = make()

@@ -7,23 +7,20 @@ from datetime import datetime
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.radar.earth import line_of_sight
 from radcal.scene.crs import longitude_latitude
 from radcal.scene.model import Scene
-from radcal.signals.platform import Collection
+from radcal.signals.platform import Collection, Doubles
 from radcal.simulators.forward import Flown
 
 _INVENTED_UTC = "2026-01-01T00:00:00Z"  # start of collections over the built-in scene
 _BUILTIN = (36.6244, -84.1825)  # latitude and longitude of the middle of the built-in scene, in its elevation model
 
-Doubles = NDArray[np.float64]
 
-
-def image_places(made: Flown) -> NDArray[np.float64]:
+def image_places(made: Flown) -> Doubles:
     """Azimuth, ground range and elevation of the pixels of a pass, shape (rows, columns, 3) [m].
 
     A pixel lies on the ground that the fast image has there. Where it has none, the elevation is that of the nearest
@@ -35,11 +32,15 @@ def image_places(made: Flown) -> NDArray[np.float64]:
     nearest = scipy.ndimage.distance_transform_edt(bare, return_distances=False, return_indices=True)
     height = scipy.ndimage.map_coordinates(scene.elevation_m, geometry.ground[:, *nearest], order=1, mode="nearest")
     rows, columns = geometry.shape
-    first = line_of_sight(radar).slant_range_m(geometry.flat_incidence_deg[0])
-    slant = first + np.arange(rows)[:, None] * radar.range_spacing_m
     below = scene.elevation_m.mean() + line_of_sight(radar).height_m - height
     azimuth = np.broadcast_to((np.arange(columns) + 0.5) * radar.azimuth_spacing_m, (rows, columns))
-    return np.stack([azimuth, np.sqrt(slant**2 - below**2), height], axis=2)
+    return np.stack([azimuth, np.sqrt(rows_m(made)[:, None] ** 2 - below**2), height], axis=2)
+
+
+def rows_m(made: Flown) -> Doubles:
+    """Slant range of the rows of a pass, shape (rows,) [m]."""
+    first = line_of_sight(made.case.radar).slant_range_m(made.geometry.flat_incidence_deg[0])
+    return np.asarray(first + np.arange(made.geometry.shape[0]) * made.case.radar.range_spacing_m)
 
 
 @dataclass(frozen=True)

@@ -9,14 +9,14 @@ from typing import Any
 
 import numpy as np
 import scipy
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from radcal.bands import LETTER_BANDS_GHZ, WIDTH_FACTOR, same_label
+from radcal.bands import WIDTH_FACTOR, limits_ghz
 from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.radar.earth import line_of_sight
-from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.radiometry import nesz_db
 from radcal.scene.model import Scene
 from radcal.sections.ppi import Ppi
 from radcal.sections.radar import Signals
@@ -197,9 +197,8 @@ def carrier_hz(radar: Radar) -> float:
     """Carrier frequency of a pass: ``radar.frequency_ghz``, by default the middle of its band."""
     if radar.frequency_ghz is not None:
         return radar.frequency_ghz * 1e9
-    for label, (low, high) in LETTER_BANDS_GHZ.items():
-        if same_label(radar.band, label):
-            return 0.5e9 * (low + high)
+    if (limits := limits_ghz(radar.band)) is not None:
+        return 0.5e9 * sum(limits)
     raise ConfigError(f"radar.band is {radar.band!r}, which names no known band, expected radar.frequency_ghz with it.")
 
 
@@ -238,35 +237,34 @@ def azimuth_weights(one: Collection) -> tuple[Doubles, Doubles]:
         Weights of mean 1, and two-way amplitude of the beam on a place in the middle of the scene.
     """
     place = (np.arange(_PARTS) + 0.5) / _PARTS
-    beam = np.ones(_PARTS)
-    if one.spot_m is None:
-        beam = one.pattern((place - 0.5) * one.sines)
+    beam = one.pattern((place - 0.5) * one.sines) if one.spot_m is None else np.ones(_PARTS)
     return taylor_weights(place * one.looks % 1.0 - 0.5), beam
 
 
-def nesz(one: Collection, slant_m: float, incidence_deg: float) -> float:
+def nesz(one: Collection, slant_m: ArrayLike, incidence_deg: ArrayLike) -> Doubles:
     """Noise-equivalent sigma0 of a look of the focused image [linear].
 
     Parameters
     ----------
     one : Collection
         Collection.
-    slant_m : float
+    slant_m : array_like
         Slant range at zero Doppler [m].
-    incidence_deg : float
+    incidence_deg : array_like
         Incidence on level ground there [deg].
 
     Returns
     -------
-    float
+    ndarray
         Mean power of the noise divided by that of ground with a sigma0 of 1. Both go through the same weights; the
         division by the beam raises the noise alone.
     """
     weights, beam = azimuth_weights(one)
     loss, cosine = np.mean((weights / beam) ** 2) / np.mean(weights**2), math.sqrt(1.0 - one.middle_sine**2)
-    pulses = one.sines * slant_m / cosine**3 * one.prf_hz / one.speed_mps
-    cells = 2.0 * one.samples * one.step_hz / LIGHT_MPS * one.band / cosine * np.sin(np.radians(incidence_deg))
-    return float(one.noise_m2 * (slant_m / cosine / one.range_m) ** 4 * loss * cells / (pulses * one.samples))
+    slant = np.asarray(slant_m) / cosine
+    pulses = one.sines * slant / cosine**2 * one.prf_hz / one.speed_mps
+    cells = one.band / one.gate_m / cosine * np.sin(np.radians(incidence_deg))
+    return np.asarray(one.noise_m2 * (slant / one.range_m) ** 4 * loss * cells / (pulses * one.samples))
 
 
 def collection(case: Part, scene: Scene) -> Collection:
@@ -289,79 +287,68 @@ def collection(case: Part, scene: Scene) -> Collection:
         raise ConfigError("scene.source: the scene has no elevation, expected one with elevation for raw signals.")
     if radar.earth != "flat":
         raise ConfigError(f"radar.earth is {radar.earth}, expected flat for raw signals.")
-    looks, carrier, ground = math.ceil(radar.looks), carrier_hz(radar), _swath(radar, scene)
+    looks, carrier, seen = math.ceil(radar.looks), carrier_hz(radar), line_of_sight(radar)
+    near, middle, far = slant = _slant_m(radar, scene)
     wavelength, band = LIGHT_MPS / carrier, looks * WIDTH_FACTOR / radar.azimuth_resolution_m
     squint, spotlight = math.sin(math.radians(signals.squint_deg)), signals.mode == "spotlight"
-    cosine, length = math.sqrt(1.0 - squint**2), ground.length_m
-    antenna, prf = _antenna_and_prf(case, ground, wavelength, 0.25 * band * wavelength)
+    cosine, mean = math.sqrt(1.0 - squint**2), float(scene.elevation_m.mean())
+    length, width = (cells * scene.cell_m for cells in scene.material.shape)
+    antenna, prf = _antenna_and_prf(case, slant, length, wavelength, 0.25 * band * wavelength)
     spacing, ends = signals.speed_mps / prf, [tangent(squint + side * 0.25 * band * wavelength) for side in (-1, 1)]
-    ranges = (ground.middle_m,) if spotlight else (ground.near_m, ground.far_m)
+    ranges = (middle,) if spotlight else (near, far)
     first, last = (0.5 * length, 0.5 * length) if spotlight else (0.0, length)
     along = np.arange(
         first - max(r * ends[1] for r in ranges), last - min(r * ends[0] for r in ranges) + spacing, spacing
     )
-    track = np.stack([along, np.zeros_like(along), np.full_like(along, ground.track_m)], axis=1)
-    aimed = np.full_like(along, 0.5 * length) if spotlight else along + ground.middle_m * tangent(squint)
-    reference = np.stack([aimed, np.full_like(along, ground.across_m), np.full_like(along, ground.mean_m)], axis=1)
+    track = np.stack([along, np.zeros_like(along), np.full_like(along, mean + seen.height_m)], axis=1)
+    aimed = np.full_like(along, 0.5 * length) if spotlight else along + middle * tangent(squint)
+    reference = np.stack([aimed, np.full_like(along, seen.ground_m), np.full_like(along, mean)], axis=1)
     distance = np.linalg.norm(track - reference, axis=1)
     if spotlight:
         places = np.linspace(0.0, length, 9)[:, None] - along
-        away = np.array([np.hypot(places, r) - distance for r in (ground.near_m, ground.far_m)])
+        away = np.array([np.hypot(places, r) - distance for r in (near, far)])
     else:
         wide = wavelength / antenna
         least, most = max(abs(squint) - wide, 0.0), abs(squint) + wide
-        away = np.array([ground.near_m / math.sqrt(1.0 - least**2), ground.far_m / math.sqrt(1.0 - most**2)])
+        away = np.array([near / math.sqrt(1.0 - least**2), far / math.sqrt(1.0 - most**2)])
         away -= distance[0]
     track[:, 1:] += _motion(along.size, signals.motion_m, signals.motion_length_m / spacing, case.seed)
     around = _GUARD * (np.abs(away).max() + 5.0 * signals.motion_m) + 8.0 * radar.range_resolution_m
     bandwidth = 0.5 * LIGHT_MPS * WIDTH_FACTOR / radar.range_resolution_m
     samples = math.ceil(4.0 * around * bandwidth / LIGHT_MPS)
-    middle = ground.middle_m / cosine
     side = 1.0 if radar.look_side == "right" else -1.0
-    nadir = 0.5 * scene.material.shape[1] * scene.cell_m - side * ground.across_m
+    nadir = 0.5 * width - side * seen.ground_m
     one = Collection(
-        track, reference, prf, signals.speed_mps, carrier, bandwidth / samples, samples, antenna, band, looks, middle,
-        1.0, signals.bits, squint, reference[0] if spotlight else None, side, nadir,
+        track, reference, prf, signals.speed_mps, carrier, bandwidth / samples, samples, antenna, band, looks,
+        middle / cosine, 1.0, signals.bits, squint, reference[0] if spotlight else None, side, nadir,
     )  # fmt: skip
     if signals.power_w is None:
         incidence = 90.0 - radar.depression_deg
-        floor = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), incidence)
-        return replace(one, noise_m2=10.0 ** (float(floor) / 10.0) / nesz(one, ground.middle_m, incidence))
-    return replace(one, noise_m2=samples * middle**4 / pulse_snr_m2(signals, wavelength))
+        floor = 10.0 ** (nesz_db(radar, incidence) / 10.0)
+        return replace(one, noise_m2=float(floor / nesz(one, middle, incidence)))
+    return replace(one, noise_m2=samples * one.range_m**4 / pulse_snr_m2(signals, wavelength))
 
 
-@dataclass(frozen=True)
-class _Swath:
-    """Slant ranges of a scene at zero Doppler, its height and the track's, its ground range and its length [m]."""
-
-    near_m: float
-    middle_m: float
-    far_m: float
-    mean_m: float
-    track_m: float
-    across_m: float
-    length_m: float
-
-
-def _swath(radar: Radar, scene: Scene) -> _Swath:
+def _slant_m(radar: Radar, scene: Scene) -> tuple[float, float, float]:
+    """Slant ranges at zero Doppler of the nearest place of a scene, of its middle and of its farthest place [m]."""
     assert scene.elevation_m is not None  # noqa: S101 - collection() has refused it
-    seen, (lines, cells) = line_of_sight(radar), scene.elevation_m.shape
-    mean, half = float(scene.elevation_m.mean()), 0.5 * cells * scene.cell_m
+    seen, half = line_of_sight(radar), 0.5 * scene.elevation_m.shape[1] * scene.cell_m
     height = 0.0 if scene.objects is None else float(scene.objects.height_m.max(initial=0.0))
-    top, bottom = float(scene.elevation_m.max()) + height, float(scene.elevation_m.min())
-    near = math.hypot(seen.height_m + mean - top, seen.ground_m - half)
-    far = math.hypot(seen.height_m + mean - bottom, seen.ground_m + half)
-    middle = math.hypot(seen.height_m, seen.ground_m)
-    return _Swath(near, middle, far, mean, mean + seen.height_m, seen.ground_m, lines * scene.cell_m)
+    track = seen.height_m + float(scene.elevation_m.mean())
+    near = math.hypot(track - float(scene.elevation_m.max()) - height, seen.ground_m - half)
+    far = math.hypot(track - float(scene.elevation_m.min()), seen.ground_m + half)
+    return near, math.hypot(seen.height_m, seen.ground_m), far
 
 
-def _antenna_and_prf(case: Part, ground: _Swath, wavelength: float, half: float) -> tuple[float, float]:
+def _antenna_and_prf(
+    case: Part, slant_m: tuple[float, float, float], length_m: float, wavelength: float, half: float
+) -> tuple[float, float]:
     """Length of the antenna [m] and pulse rate [Hz] for a band of ``half`` in sines to either side of its middle."""
-    signals, squint = case.signals, math.sin(math.radians(case.signals.squint_deg))
+    signals, squint, (near, middle, far) = case.signals, math.sin(math.radians(case.signals.squint_deg)), slant_m
     edge, what = half, "radar.looks and radar.azimuth_resolution_m"
     if signals.mode == "spotlight":  # the beam holds the scene, whose corners are the farthest from its middle
-        along = ground.middle_m * tangent(squint) + np.array([[-0.5], [0.5]]) * ground.length_m
-        edge = float(np.abs(along / np.hypot(along, [ground.near_m, ground.far_m]) - squint).max())
+        along = middle * tangent(squint) + np.array([[-0.5], [0.5]]) * length_m
+        edge = float(np.abs(along / np.hypot(along, [near, far]) - squint).max())
         what = "the scene"
     antenna = signals.antenna_m or 0.5 * wavelength / edge
     if antenna * edge > _LONGEST * wavelength:
@@ -377,7 +364,7 @@ def _antenna_and_prf(case: Part, ground: _Swath, wavelength: float, half: float)
         )
     least_hz = 2.0 * signals.speed_mps * (edge / wavelength + 1.0 / antenna)
     prf = signals.prf_hz or _GUARD * least_hz
-    swath = (ground.far_m - ground.near_m) / math.sqrt(1.0 - squint**2)
+    swath = (far - near) / math.sqrt(1.0 - squint**2)
     check_prf("signals", prf, least_hz, "that folds into the image", signals.speed_mps, swath)
     return antenna, prf
 

@@ -14,15 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.bands import WIDTH_FACTOR
 from radcal.errors import ConfigError
 from radcal.signals.focus import backprojected, write_power
-from radcal.signals.platform import LIGHT_MPS, Collection
-from radcal.storage.files import atomic
+from radcal.signals.platform import LIGHT_MPS, Collection, Doubles
+from radcal.storage.records import plain_hdf5
 
 _HEADER = 1 << 16  # bytes within which the header of a file ends
 _XML = 1 << 26  # bytes of a file's metadata
@@ -31,8 +30,6 @@ _WIDE = 100.0  # times the processed band is the beam of a file, so that it divi
 _EVEN = 1e-9  # relative difference of bands in the domain of time between pulses, below which they are the same
 _LARGEST = 100_000_000  # pixels of an image
 _AT_ONCE = 1_000_000  # pixels that are focused at once
-
-Doubles = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -100,11 +97,6 @@ class Received:
                 f"{self.path}: vector {wrong[0]} of channel {self.channel!r} has samples that are no number."
             )
         return np.asarray(signal, np.complex64)
-
-    def places_m(self, rows_m: Doubles, columns_m: Doubles) -> Doubles:
-        """Places of a grid of the image plane in the coordinates of ``one``, shape (rows, columns, 3)."""
-        plane = self.plane @ self.axes.T
-        return np.asarray(rows_m[:, None, None] * plane[0] + columns_m[:, None] * plane[1])
 
 
 def read_cphd(path: Path, channel: str | None = None) -> Received:
@@ -351,13 +343,14 @@ def write_image(
             "size."
         )
     rows, columns = (np.arange(low + 0.5 * step, high, step) for low, high in ends.T)
+    down, across = found.plane @ found.axes.T
     image = np.empty((rows.size, columns.size), np.complex64)
     for some in np.array_split(np.arange(rows.size), max(1, image.size // _AT_ONCE)):
-        places = found.places_m(rows[some], columns).reshape(-1, 3)
+        places = (rows[some, None, None] * down + columns[:, None] * across).reshape(-1, 3)
         image[some] = backprojected(one, found, places, found.frequency_hz)[0].reshape(some.size, -1)
     folder.mkdir(parents=True, exist_ok=True)
     paths = [folder / "focused.h5", folder / "focused.png"]
-    with atomic(paths[0]) as partial, h5py.File(partial, "w") as file:
+    with plain_hdf5(paths[0]) as file:
         written = file.create_dataset("image", data=image)
         written.attrs["axes"] = "place along axis_x, place along axis_y"
         file.attrs.update({

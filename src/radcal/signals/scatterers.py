@@ -46,11 +46,6 @@ class Scatterers:
         order = np.argsort(place_m[:, 0], kind="stable")
         return cls(place_m[order], amplitude[order])
 
-    @classmethod
-    def none(cls) -> Scatterers:
-        """No scatterers."""
-        return cls(np.empty((0, 3)), np.empty(0, np.complex64))
-
 
 def scatterers(case: Part, scene: Scene, seed: int, facet_m: float) -> Scatterers:
     """Scatterers of a scene with the laws of a case.
@@ -156,8 +151,7 @@ def circular(number: NDArray[Any], part: NDArray[Any], seed: int) -> NDArray[np.
 def _points(lit: LitFacets, tables: NDArray[np.float32], seed: int) -> _Some:
     """Places and amplitudes of the visible point scatterers; their phases are those of the fast image."""
     if lit.spots is None or not tables[-1, 0]:
-        none = Scatterers.none()
-        return none.place_m, none.amplitude
+        return np.empty((0, 3)), np.empty(0, np.complex64)
     seen = np.isfinite(lit.spots.slant_m)
     slant, (along, across) = lit.spots.slant_m[seen], lit.spots.place[seen].T * lit.view.step_m
     height = lit.view.track_m - np.sqrt(slant**2 - (lit.view.edges_m[0] + across) ** 2)

@@ -21,14 +21,12 @@ from radcal.findings import Finding
 from radcal.radar.earth import line_of_sight
 from radcal.radar.radiometry import of_sigma0
 from radcal.signals.places import Site, image_places, site_of, start_utc
-from radcal.signals.platform import LIGHT_MPS, Collection, collection
+from radcal.signals.platform import LIGHT_MPS, Collection, Doubles, collection
 from radcal.simulators.forward import Forward
 from radcal.storage.files import atomic
 
 _SPACE = "urn:SICD:1.4.0"
 _LEVEL_GROUND = ("sigma0_ref", "sigma0", "beta0", "gamma0")  # radiometries of areas on level ground
-
-Doubles = NDArray[np.float64]
 
 
 def write_sicd(stem: Path, made: Forward, looks: Iterable[NDArray[np.complex64]], apart: bool) -> list[Path | Finding]:

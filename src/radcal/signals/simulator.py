@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.config.stages import model_of
 from radcal.radar import simulator_version
-from radcal.radar.earth import line_of_sight
 from radcal.radar.geometry import Geometry
 from radcal.radar.projection import LitFacets
-from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.radiometry import nesz_db
 from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
 from radcal.signals.focus import check, focused
 from radcal.signals.history import RawSignal, kept
+from radcal.signals.places import rows_m
 from radcal.signals.platform import collection, nesz
 from radcal.signals.scatterers import Scatterers, drawn_on, facets_of
 from radcal.simulators.forward import Flown
@@ -88,28 +88,19 @@ class FocusedSimulator:
         changing = np.array([False, *(name in case.calibrated for name in scene.names), False])[:, None]
 
         def unchanged() -> Looks:
-            noise = focused(self._one, RawSignal(self._one, Scatterers.none(), seed)[:], self._flown)
-            return self._focused(tables * ~changing, seed) + noise * self._noise_gain()[:, None]
+            nothing = Scatterers(np.empty((0, 3)), np.empty(0, np.complex64))
+            noise = focused(self._one, RawSignal(self._one, nothing, seed)[:], self._flown)
+            incidence = self._flown.geometry.flat_incidence_deg
+            level = 10.0 ** (nesz_db(case.radar, incidence) / 10.0) / nesz(self._one, rows_m(self._flown), incidence)
+            return self._focused(tables * ~changing, seed) + noise * np.sqrt(level).astype(np.float32)[:, None]
 
-        if self._folder is None:
-            looks = unchanged()
-        else:
-            # the tables say all of laws and parameters
-            described = [self.identity, scene.identity, case.radar.described(), seed]
-            fixed = hashlib.sha256(tables * ~changing).hexdigest()
-            looks = kept(self._folder / f"{digest([*described, fixed])}.h5", unchanged)
+        # the tables say all of laws and parameters
+        fixed = hashlib.sha256(tables * ~changing).hexdigest()
+        described = [self.identity, scene.identity, case.radar.described(), seed, fixed]
+        looks = kept(self._folder, digest(described), unchanged)
         if changing.any():
             looks += self._focused(tables * changing, seed)
         return looks
-
-    def _noise_gain(self) -> NDArray[np.float32]:
-        """Amplitude of the configured noise in each row, divided by that of the receiver's."""
-        radar, incidence = self._flown.case.radar, self._flown.geometry.flat_incidence_deg
-        first = line_of_sight(radar).slant_range_m(float(incidence[0]))
-        slant = first + np.arange(incidence.size) * radar.range_spacing_m
-        floor_db = noise_floor_db(radar.model_copy(update={"radiometry": "sigma0_ref"}), incidence)
-        own = [nesz(self._one, *row) for row in zip(slant.tolist(), incidence.tolist(), strict=True)]
-        return np.asarray(np.sqrt(10.0 ** (np.asarray(floor_db) / 10.0) / own), np.float32)
 
     def _focused(self, tables: NDArray[np.float32], seed: int) -> Looks:
         one, found = replace(self._one, noise_m2=0.0), drawn_on(self._facets, tables, self._flown.case.radar, seed)

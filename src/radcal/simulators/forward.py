@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config.part import Part
 from radcal.radar.geometry import Geometry
 from radcal.scene.model import Scene
-from radcal.storage.files import atomic
+from radcal.storage.records import plain_hdf5
 
 
 @dataclass(frozen=True)
@@ -81,8 +79,7 @@ def write_complex(
     phases : str
         What the phases mean.
     """
-    whole = io.BytesIO()  # in memory: HDF5 cannot recover from a full disk
-    with h5py.File(whole, "w") as file:
+    with plain_hdf5(path) as file:
         written = file.create_dataset("looks", (count, *made.image_db.shape), np.complex64)
         for k, look in enumerate(looks):
             written[k] = look
@@ -91,5 +88,3 @@ def write_complex(
         written.attrs["phases"] = phases
         known = {key: value for key, value in made.case.radar.described().items() if value is not None}
         file.attrs.update({"case": made.case.case, "run": made.key, "product": product, **known})
-    with atomic(path) as partial_path:
-        partial_path.write_bytes(whole.getbuffer())

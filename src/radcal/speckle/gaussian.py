@@ -53,6 +53,15 @@ _TWO32, _BELOW_ONE = np.float32(2.0**-32), np.float32(1.0 - 2.0**-24)
 _QUARTER, _ROOT2 = np.float32(np.pi / 2.0), np.float32(np.sqrt(2.0))
 
 
+@njit(inline="always")
+def cosine_sine(y: Any) -> Any:
+    """Cosine and sine of an angle of up to an eighth of a turn [rad], in single precision."""
+    z = y * y
+    sine = y + y * z * (_SIN[0] + z * (_SIN[1] + z * _SIN[2]))
+    cosine = _ONE - _HALF * z + z * z * (_COS[0] + z * (_COS[1] + z * _COS[2]))
+    return cosine, sine
+
+
 @njit()
 def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: Any, real: Any, imaginary: Any) -> None:
     """Circular Gaussian numbers of unit mean power for ``n`` places.
@@ -105,9 +114,7 @@ def gaussian_row(n: Any, place: Any, stream: Any, look: Any, seed: Any, words: A
         quadrant = w >> np.uint32(30)
         # the remaining angle lies within an eighth of a turn of the quadrant's middle
         y = ((_F((w & np.uint32(0x3FFFFFFF)) >> np.uint32(6)) + _HALF) * _TWO24 - _HALF) * _QUARTER
-        z = y * y
-        sine = y + y * z * (_SIN[0] + z * (_SIN[1] + z * _SIN[2]))
-        cosine = _ONE - _HALF * z + z * z * (_COS[0] + z * (_COS[1] + z * _COS[2]))
+        cosine, sine = cosine_sine(y)
         swap = (quadrant & np.uint32(1)) != 0
         x = -sine if swap else cosine
         y = cosine if swap else sine

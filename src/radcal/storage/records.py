@@ -120,6 +120,23 @@ def write_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
         made.check()
 
 
+@contextlib.contextmanager
+def plain_hdf5(path: str | Path) -> Iterator[h5py.File]:
+    """Yield a new HDF5 file for other programs, without checksum and provenance, which is then written to ``path``.
+
+    Raises
+    ------
+    StoreError
+        The file cannot be written.
+    """
+    with atomic(path) as partial, _Partial(partial, "w+") as made:
+        try:
+            with h5py.File(made, "w") as file:
+                yield file
+        finally:
+            made.check()
+
+
 def _holds(path: Path, kind: str, content: str) -> bool:
     """Whether the file at ``path`` is undamaged, of the given kind, and its content has the given digest."""
     with contextlib.suppress(Fault, OSError):
