@@ -90,16 +90,12 @@ class Project:
     def command(self, *arguments, cores=2):
         return [sys.executable, "-m", "snakemake", "--cores", str(cores), *arguments]
 
+    def _done(self, command, seconds, **options):
+        printed = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
+        return subprocess.run(command, cwd=self.folder, timeout=seconds, check=False, **printed, **options)
+
     def run(self, *arguments, cores=2):
-        return subprocess.run(
-            [*self.interpreter, *self.command(*arguments, cores=cores)[1:]],
-            cwd=self.folder,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=1800,
-            check=False,
-        )
+        return self._done([*self.interpreter, *self.command(*arguments, cores=cores)[1:]], 1800)
 
     def ended(self, *arguments, cores=2):
         """Output of a command that must succeed."""
@@ -109,25 +105,12 @@ class Project:
 
     def radcal(self, *arguments):
         """Run the command ``radcal run``, which no activated environment helps to find Python."""
-        return subprocess.run(
-            [str(Path(sys.executable).with_name("radcal")), "run", *arguments],
-            cwd=self.folder,
-            env={**os.environ, "PATH": "/usr/bin:/bin"},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            timeout=600,
-            check=False,
-        )
+        program = str(Path(sys.executable).with_name("radcal"))
+        return self._done([program, "run", *arguments], 600, env={**os.environ, "PATH": "/usr/bin:/bin"})
 
-    def start(self, *arguments, cores=2):
-        return subprocess.Popen(
-            self.command(*arguments, cores=cores),
-            cwd=self.folder,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
+    def start(self, *arguments, cores=2, out=subprocess.DEVNULL, **options):
+        command, printed = self.command(*arguments, cores=cores), {"stdout": out, "stderr": out}
+        return subprocess.Popen(command, cwd=self.folder, start_new_session=True, **printed, **options)
 
     def killed_when(self, condition, *arguments):
         """Begin a command, and kill it with its jobs once a condition is met."""

@@ -93,13 +93,7 @@ def descendants(pid):
 
 def start(project, log, cores=2):
     with log.open("ab") as handle:
-        return subprocess.Popen(
-            project.command(*COMMAND, cores=cores),
-            cwd=project.folder,
-            stdout=handle,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-        )
+        return project.start(*COMMAND, cores=cores, out=handle)
 
 
 def kill(process, kind, draw):

@@ -152,20 +152,16 @@ def test_results_that_may_not_be_written_are_a_sentence(finished):
     verdict, report = f"radcal: {finished.summary()['verdict']}", "radcal: report: results/tiny/report.html"
     assert without_rights(finished) == (0, [verdict, report]), "there is nothing to write"
     (out / "stop.json").unlink()
-    code, (sentence,) = without_rights(finished)
-    assert code == 1
-    assert sentence.startswith("radcal: results/tiny/runs cannot be written (Permission denied); ")
-    (out / "runs").chmod(0o700)
-    # Snakemake finds the first while it plans, and the other would be met after the loop had gone on
-    (out / "report.json").chmod(0o400)
-    code, (sentence,) = without_rights(finished)
-    assert code == 1
-    assert sentence.startswith("radcal: results/tiny/report.json is write-protected, and is to be made again: ")
-    (out / "report.json").chmod(0o600)
-    (out / "iterations/0/proposal.json").chmod(0o400)
-    code, (sentence,) = without_rights(finished)
-    assert code == 1
-    assert sentence.startswith("radcal: results/tiny/iterations/0/proposal.json is write-protected, and is to be made")
+    # Snakemake finds the second while it plans, and the third would be met after the loop had gone on
+    for name, mode, said in (
+        ("runs", 0o700, "cannot be written (Permission denied); "),
+        ("report.json", 0o600, "is write-protected, and is to be made again: "),
+        ("iterations/0/proposal.json", 0o600, "is write-protected, and is to be made"),
+    ):
+        (out / name).chmod(mode - 0o200)
+        code, (sentence,) = without_rights(finished)
+        assert (code, sentence.startswith(f"radcal: results/tiny/{name} {said}")) == (1, True), sentence
+        (out / name).chmod(mode)
     left = finished.listing()
     assert {**left, "stop.json": listing["stop.json"]} == listing
 

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import pytest
 from archives import changed_findings, determined, ended
-from browser import NEEDS_BROWSER, Browser
+from browser import NEEDS_BROWSER
 from PIL import Image
 
 from radcal.figures.figures import Figure
@@ -55,12 +55,6 @@ def pages(made, tmp_path_factory):
         found[name] = folder / f"{name}.html"
         write_report(found[name], archive, figures)
     return found
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as opened:
-        yield opened
 
 
 @pytest.fixture(params=["one", "two"])

@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from browser import NEEDS_BROWSER, Browser
+from browser import NEEDS_BROWSER
 
 from radcal.page.plots import embedded_library, packed, script
 
@@ -19,12 +19,6 @@ LOWER = {"data": [{"x": [1, 2], "y": [4, 7]}], "layout": {"height": 120}}
 COLOUR = "getComputedStyle(document.querySelector('[data-plot=panels] .js-line')).stroke"
 LEFTS = "[...document.querySelectorAll('[data-plot=panels] .xtitle')].map((one) => one.getBoundingClientRect().x)"
 WIDTHS = "[...document.querySelectorAll('.main-svg')].map((one) => one.getBoundingClientRect().width)"
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with Browser() as opened:
-        yield opened
 
 
 @pytest.fixture

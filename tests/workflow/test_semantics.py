@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import signal
-import subprocess
 from pathlib import Path
 
 import h5py
@@ -286,15 +285,9 @@ def test_copied_touched_and_commented_it_simulates_nothing(finished, tmp_path):
 def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, by):
     log = project.folder / "said.txt"
     with log.open("w") as file:
-        process = subprocess.Popen(
-            project.command(*CASE),
-            cwd=project.folder,
-            stdout=file,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,
-            # a test run that a shell has put into the background ignores Ctrl-C, and so would this one
-            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler),
-        )
+        # a test run that a shell has put into the background ignores Ctrl-C, and so would this one
+        heed = {"preexec_fn": lambda: signal.signal(signal.SIGINT, signal.default_int_handler)}
+        process = project.start(*CASE, out=file, **heed)
     wait_until(lambda: len(project.records()) >= 5, process)
     second = project.run(*CASE)
     assert second.returncode != 0

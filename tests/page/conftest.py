@@ -1,0 +1,8 @@
+import pytest
+from browser import Browser
+
+
+@pytest.fixture(scope="package")
+def browser():
+    with Browser() as opened:
+        yield opened
