@@ -75,10 +75,8 @@ def make_archive(
     floors=None,
     shape=(40, 30),
     source="synthetic, seed 2",
-    stop=None,
     omega=3.0,
     nan=False,
-    pixels=120,
     moved=False,
     external=(),
     other_start=(),
@@ -108,7 +106,7 @@ def make_archive(
             "objective": "density",
             "measurement": {"source": "synthetic", "synthetic": {"parameters": dict.fromkeys(other_start, HIDDEN)}},
             "design": {"size": len(next(iter(shifts.values()))["design"])},
-            "stop": stop or {"rms": 1e-4, "max_runs": 50, "stagnation_runs": 20},
+            "stop": {"rms": 1e-4, "max_runs": 50, "stagnation_runs": 20},
         }
     )
 
@@ -133,7 +131,7 @@ def make_archive(
     for name in shifts:
         visible = geometry.pixels(name)
         eligible = visible[np.isfinite(measured.ravel()[visible])]
-        drawn = np.sort(rng.choice(eligible, size=min(pixels, eligible.size), replace=False))
+        drawn = np.sort(rng.choice(eligible, size=min(120, eligible.size), replace=False))
         fit = skewnormal.fit(measured.ravel()[drawn])
         targets[name] = Target(
             pixels=drawn,

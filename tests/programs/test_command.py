@@ -442,7 +442,7 @@ def test_whole_parameters_are_handed_over_without_a_decimal_point(make, tmp_path
     simulator = make(
         WORKING + "json.dump(sys.argv[2:], open('arguments.json', 'w'))\n",
         MATERIALS | {"dyke": MATERIALS["dyke"] | {"integer": ["s"]}},
-        command=["{python}", "-S", "-E", "sim.py", "{input}", "{dyke.s}", "{noise_seed:0..6}"],
+        command=["{python}", "-S", "-E", "sim.py", "{input}", "{dyke.s}", "{noise_seed:-9..-3}"],
         input={"radar": False},
         templates=[{"template": str(tmp_path / "t.tpl"), "file": "t.inp"}],
         keep_folders=True,
@@ -450,7 +450,7 @@ def test_whole_parameters_are_handed_over_without_a_decimal_point(make, tmp_path
     simulator.run({**X, "dyke": [0.1, 3.0]}, 30)
     (folder,) = (tmp_path / "external").iterdir()
     assert (folder / "t.inp").read_text() == "0.1 3|   3 4"
-    assert json.loads((folder / "arguments.json").read_text()) == ["3", "2"]
+    assert json.loads((folder / "arguments.json").read_text()) == ["3", "-7"]
     written = json.loads((folder / "input.json").read_text())
     assert written["parameters"]["dyke"] == {"mv": 0.1, "s": 3}
     assert isinstance(written["parameters"]["dyke"]["s"], int)

@@ -58,17 +58,6 @@ def test_wrong_templates_are_refused(text, words):
         template(text, "@", "key").checked({"dyke.X1": 1.0})
 
 
-@given(st.integers(0, 2**63 - 1), st.integers(-100, 100), st.integers(1, 40_000))
-def test_a_seed_is_brought_into_a_range_ends_included(seed, low, width):
-    text = (
-        template(f"@noise_seed:{low}..{low + width}@", "@", "key")
-        .checked({"noise_seed": 1})
-        .filled({"noise_seed": seed})
-    )
-    assert int(text) == low + seed % (width + 1)
-    assert low <= int(text) <= low + width
-
-
 @pytest.mark.parametrize(
     ("text", "words"),
     [

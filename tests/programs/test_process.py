@@ -9,18 +9,10 @@ from radcal.programs import process
 from radcal.programs.process import STDOUT, Ended, output_tail, run_program
 
 
-@pytest.mark.parametrize(
-    ("code", "said"),
-    [
-        (0, "ended with exit code 0"),
-        (3, "ended with exit code 3"),
-        (-11, "was ended by signal 11 (SIGSEGV)"),
-        (-99, "was ended by signal 99"),
-        (None, "was not done after 12.3 s and was killed"),
-    ],
-)
-def test_how_a_program_ended(code, said):
-    assert str(Ended(code, 12.3456)) == said
+def test_how_a_program_ended():
+    assert str(Ended(-11, 12.3456)) == "was ended by signal 11 (SIGSEGV)"
+    assert str(Ended(-99, 12.3456)) == "was ended by signal 99"
+    assert str(Ended(None, 12.3456)) == "was not done after 12.3 s and was killed"
 
 
 @pytest.mark.parametrize(("name", "then"), [("stdout", "time.sleep(60)"), ("stderr", "pass")])

@@ -20,8 +20,8 @@ def pair(field, seed=1):
     return speckled(mean, 10), speckled(displaced(mean, field), 11)
 
 
-def gefolki(fixed, moving, keep=None, start=None):
-    return find_flow(pyramid(fixed, moving), keep, start).displacement_px
+def gefolki(fixed, moving, keep=None):
+    return find_flow(pyramid(fixed, moving), keep).displacement_px
 
 
 def error(found, field, margin=20):

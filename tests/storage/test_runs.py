@@ -105,22 +105,6 @@ def test_values_of_the_environment_are_in_the_key_and_not_in_the_record(store, g
     assert "s3cr3t" not in json.dumps(store.description(record.key))
 
 
-def test_a_reference_run_of_another_law_is_another_run(store, geometry, build_case):
-    grass = {"parameters": X["grass"]}
-    start = {"law": "constant_gamma", "parameters": [-9.0]}
-    listed = build_case(materials={"dyke": {"calibrate": True, "start": X["dyke"]}, "grass": grass})
-    named = build_case(materials={"dyke": {"calibrate": True, "start": start}, "grass": grass})
-    simulator = Counting(geometry.shape)
-    keys = [
-        digest(Runner(store, simulator, geometry, "scene", case).description(X, 7))
-        for case in (listed, listed.at_start, named)
-    ]
-    assert set(keys) == {"785489fb591a27106056"}
-    parameters = {**X, "dyke": [-9.0]}
-    description = Runner(store, simulator, geometry, "scene", named.at_start).description(parameters, 7)
-    assert description["materials"]["dyke"] == {"law": "constant_gamma", "parameters": [-9.0]}
-
-
 def test_key_does_not_change_with_how_runs_are_used(store, geometry, build_case):
     simulator = Counting(geometry.shape)
     grass = {"parameters": X["grass"]}
