@@ -105,8 +105,12 @@ def test_a_case_is_found_by_name_folder_or_file(folder, tmp_path):
     one = typed("show", "mine.yaml").stdout
     assert one.splitlines()[7] == show(folder)[7]
     assert typed("show", "gone", "small", "mine.yaml", code=1).stdout.strip() == f"{one}\n{one}".strip()
+    empty = typed("show", "small", "--results", tmp_path, code=1)
+    assert empty.stderr == f"radcal: {tmp_path / 'small'}: holds no results, expected the results folder of a case.\n"
+    (tmp_path / "small/logs").mkdir()
     elsewhere = typed("show", "small", "--results", tmp_path)
     assert elsewhere.stdout.startswith("small: not finished; missing: scene,")
+    assert "File name too long" in typed("show", "a" * 300, code=1).stderr
     failed = typed("show", "gone", code=1)
     assert failed.stdout == ""
     assert failed.stderr.startswith("radcal: gone: there is no folder")

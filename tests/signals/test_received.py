@@ -282,6 +282,8 @@ def test_a_mistake_of_the_reader_is_no_fault_of_the_file(tmp_path, monkeypatch):
 
 
 def test_files_that_cannot_be_focused_are_told(tmp_path):
+    with pytest.raises(ConfigError, match=r"no readable CPHD file \(it is a folder or a device\)"):
+        read_cphd(tmp_path)
     path = tmp_path / "other.cphd"
     path.write_bytes(b"CPHD/1.1.0\nnothing")
     with pytest.raises(ConfigError, match=r"other.cphd: no readable CPHD file"):

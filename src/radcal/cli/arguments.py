@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,12 +31,19 @@ Settings = Annotated[
 
 @contextmanager
 def sentences() -> Iterator[None]:
-    """Context that prints the message of a :class:`RadcalError` as one line and exits with status 1."""
+    """Context that prints the message of a RadcalError or of the operating system as one line; exit status 1."""
     try:
         yield
     except RadcalError as error:
-        typer.echo(f"radcal: {error}", err=True)
-        raise typer.Exit(1) from None
+        text = str(error)
+    except OSError as error:
+        if error.errno == errno.EPIPE:  # the reader of the output has ended, which is no failure
+            raise
+        text = f"{error.filename or 'the current folder'}: {error.strerror or error}."
+    else:
+        return
+    typer.echo(f"radcal: {text}", err=True)
+    raise typer.Exit(1)
 
 
 def overrides(words: Sequence[str] | None) -> dict[str, Any]:

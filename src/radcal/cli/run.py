@@ -71,9 +71,8 @@ def main(
     from radcal.session.workflow_files import carried_case, workflow_folder
 
     cases, targets, further = sorted_words(words)
-    here = Path.cwd()
     with sentences():
-        folder = workflow_folder(here)
+        folder = workflow_folder(here := Path.cwd())
         if "{" in str(results) or "}" in str(results):
             raise ConfigError(f"--results is {str(results)!r}, expected a folder without braces in its name.")
         changes = overrides(settings)

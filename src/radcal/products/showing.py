@@ -74,9 +74,11 @@ def show(folder: str | Path) -> list[str]:
     Raises
     ------
     StoreError
-        ``summary.json`` cannot be read.
+        ``summary.json`` cannot be read, or nothing in the folder is a result.
     """
     folder = Path(folder)
+    if not any((folder / name).exists() for name in (".lock", "logs", "runs", "scene.h5", "summary.json")):
+        raise StoreError(f"{folder}: holds no results, expected the results folder of a case.")
     missing = [stage for stage in STAGES.values() if stage.only_if is None and not _is_made(folder, stage)]
     there = [f"{title}: {folder / file}" for file, title in _FILES.items() if (folder / file).exists()]
     failed, running = _failure(folder), _running(folder)

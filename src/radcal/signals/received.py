@@ -128,6 +128,8 @@ def _metadata(path: Path, channel: str | None) -> tuple[Any, str, NDArray[Any]]:
     """Metadata, identifier of the channel, and the parameters of its vectors."""
     from sarkit import cphd
 
+    if path.exists() and not path.is_file():
+        raise ValueError("it is a folder or a device")
     with path.open("rb") as file:
         head = file.read(_HEADER)
         if not head.startswith(b"CPHD/1.") or b"\f\n" not in head:
@@ -227,7 +229,7 @@ def _collection(
     along /= np.linalg.norm(along) or 1.0
     line = origin - centre[count // 2]
     line -= (line @ along) * along
-    line /= np.linalg.norm(line)
+    line /= np.linalg.norm(line) or 1.0
     axes = np.stack([along, line, np.cross(along, line)])
     track, reference = ((places - origin) @ axes.T for places in (centre, vectors["SRPPos"]))
     carrier, step, samples = band
