@@ -64,6 +64,13 @@ def test_only_the_process_that_plans_jobs_checks_that_finished_results_stay(tmp_
     with pytest.raises(SystemExit, match="^radcal: results/mine stays$"):
         open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
 
+    def unreadable(case, folder, inputs):
+        raise PermissionError(13, "Permission denied", f"{folder}/calibration.h5")
+
+    monkeypatch.setattr("radcal.session.session.check_replacement", unreadable)
+    with pytest.raises(SystemExit, match="^radcal: results/mine/calibration.h5: Permission denied.$"):
+        open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
+
 
 def test_a_dry_run_is_known_by_its_words():
     for words in ("-n", "--cores 2 -qnp reference", "--dry-run", "--dryrun --configfile n.yaml"):

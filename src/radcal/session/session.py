@@ -74,6 +74,8 @@ def open_session(
         session = Session(case, remote, results, inputs)
     except RadcalError as error:
         sys.exit(f"radcal: {error}")
+    except OSError as error:
+        sys.exit(f"radcal: {error.filename}: {error.strerror}.")
     for finding in starts_as_truth(case.calibrated, [one.measurement for one in case.passes]) if main else ():
         say(sentence(finding))
     logger.addFilter(session.messages)
