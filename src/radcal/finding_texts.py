@@ -101,9 +101,9 @@ TEXTS: Mapping[str, str] = {
     "Use the image before filtering, unless radar.looks and the resolutions are both wrong",
     "smoothed": "{about} is speckle-filtered or smoothed in another way, unless the resolutions are wrong: "
     + _CORRELATED,
-    "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, unless the image was "
-    "resampled before, has texture of a few pixels, or an impulse response without weighting (estimated 24 to 34 % too "
-    "fine)",
+    "resolutions": _SPREAD + ": set them to {range_possible_m:g} and {azimuth_possible_m:g}, the nearest that the "
+    "pixel spacings allow, unless the image was resampled before, has texture of a few pixels, or an impulse response "
+    "without weighting (estimated 24 to 34 % too fine)",
     "image_plane": "{about}: its rows lie in the image plane {plane}, not in slant range as in the scene's image",
     "polarisation_unknown": "{about}: its polarisation is unknown, it is taken for radar.polarisation",
     "carrier_unknown": "{about}: its carrier frequency is unknown, it is taken for one of radar.band",
