@@ -1,11 +1,17 @@
 """Raw signals and focused images of a small scene against the fast image and its geometry."""
 
+import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import h5py
 import numpy as np
 import pytest
 from commands import typed
+from raster_files import write_raster
+from rasterio.transform import from_origin
+from waiting import wait_until
 
 from radcal.errors import ConfigError
 from radcal.radar.projection import lit_facets
@@ -267,6 +273,35 @@ def test_a_killed_simulation_continues_and_needs_no_more_memory_for_more_pulses(
     assert not list(tmp_path.glob(".*"))
     raw = RawSignal(one, scatterers(made.case, made.scene, made.seed, one.facet_m), made.seed)
     np.testing.assert_array_equal(raw[60:70], raw[:][60:70])
+
+
+def test_a_killed_command_continues_with_the_run_and_the_pulses_that_it_has(tmp_path, monkeypatch):
+    """SIGKILL after three blocks of pulses; the same command typed again simulates the others alone."""
+    profile = {"crs": "EPSG:32631", "transform": from_origin(600_000.0, 5_780_000.0, 4.0, 4.0)}
+    write_raster(tmp_path / "elevation.tif", np.zeros((48, 48), np.float32), **profile)
+    write_raster(tmp_path / "cover.tif", np.ones((48, 48), np.uint8), **profile)
+    (tmp_path / "names.json").write_text('{"1": "field"}')
+    files = {"elevation": "elevation.tif", "materials": "cover.tif", "names": "names.json"}
+    case = {
+        "case": "small", "scene": {"source": "raster", "vertical_datum": "EGM2008"},
+        "radar": {"altitude_m": 1000.0, "looks": 1}, "materials": {"field": {**GRASS}},
+        "signals": {"prf_hz": 5000.0, "start_utc": "2026-05-01T10:00:00Z"},
+    }  # fmt: skip
+    case["scene"] |= {key: str(tmp_path / name) for key, name in files.items()}
+    (tmp_path / "case.yaml").write_text(json.dumps(case))
+    words = ["simulate", str(tmp_path / "case.yaml"), "--product", "iq", "--results", str(tmp_path)]
+    made, numbers, block = tmp_path / "small/simulated", [], RawSignal.block
+    with subprocess.Popen([sys.executable, "-m", "radcal", *words], stdout=subprocess.DEVNULL) as process:
+        wait_until(lambda: len(list(made.glob(".iq-*/pulses-*.h5"))) >= 3, process)
+        process.kill()
+    kept = {path.stem.removeprefix("pulses-") for path in made.glob(".iq-*/pulses-*.h5")}
+    assert len(kept) >= 3
+    assert not (made / "iq.cphd").exists()
+    monkeypatch.setattr(RawSignal, "block", lambda raw, number: numbers.append(number) or block(raw, number))
+    assert "was in the run store" in typed(*words).stdout
+    assert (made / "iq.cphd").exists()
+    assert len(numbers) > 10
+    assert kept & set(map(str, numbers)) == set()
 
 
 def test_the_folder_of_a_killed_simulation_with_other_settings_is_removed(forward_of, tmp_path):

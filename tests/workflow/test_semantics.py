@@ -1,5 +1,6 @@
 """What people rely on when they type a command again: which jobs and which runs it makes (docs/reruns.md)."""
 
+import csv
 import json
 import os
 import re
@@ -307,6 +308,25 @@ def test_a_stopped_command_says_what_is_kept_and_how_to_go_on(project, number, b
     project.ended("design", *CASE)
     after = project.contents()
     assert {name: after[name] for name in before} == before
+
+
+def test_killed_products_keep_what_they_made(finished):
+    """Runs of the draws before the kill are not simulated again; images and table have those of all draws."""
+    asked = ("products", *CASE, "--config", 'products={"make": ["complex"], "draws": 12}')
+    made, before = finished.out() / "products/complex", finished.records()
+    finished.killed_when((made / "draws/4").exists, *asked)
+    kept = finished.records()
+    assert len(before) + 3 <= len(kept) < len(before) + 12
+    assert not (finished.out() / "products.json").exists()
+    finished.ended(*asked)
+    records = finished.records()
+    assert kept.items() <= records.items()
+    assert len(records) == len(before) + 12  # the calibrated law has its run already
+    with (made / "draws.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [int(row["member"]) for row in rows] == list(range(1, 13))
+    assert {f"{row['run']}.h5" for row in rows} <= records.keys()
+    assert all((made / f"draws/{k}/complex.h5").exists() for k in range(1, 13))
 
 
 def test_runs_of_an_earlier_case_are_reused(finished):
