@@ -87,11 +87,10 @@ class Received:
         values = values if self.sign < 0 else values.conj()
         kept = self.first[pulses, None] + np.arange(self.one.samples)
         if self.delay is not None:
-            turns = self.delay[pulses, None] * (kept * self.one.step_hz)
-            spectrum = np.fft.fft(values, axis=1) * (kept.shape[1] / read.shape[1])
-            signal = np.take_along_axis(spectrum, kept % read.shape[1], axis=1) * np.exp(-2j * np.pi * turns)
-        else:
-            signal = np.take_along_axis(values, kept, axis=1)
+            turns = self.delay[pulses, None] * np.fft.fftfreq(read.shape[1], 1.0 / (read.shape[1] * self.one.step_hz))
+            values = np.fft.fft(values, axis=1) * np.exp(-2j * np.pi * turns) * (self.one.samples / read.shape[1])
+            values = np.fft.fftshift(values, axes=1)
+        signal = np.take_along_axis(values, kept, axis=1)
         if (wrong := numbers[~np.isfinite(signal).all(axis=1)]).size:
             raise ConfigError(
                 f"{self.path}: vector {wrong[0]} of channel {self.channel!r} has samples that are no number."
@@ -194,17 +193,12 @@ def _read(path: Path, channel: str | None) -> Received:
         if any(np.ptp(each) > _EVEN * abs(each[0]) for each in (steps, vectors["FX1"] + vectors["FX2"])):
             raise ConfigError(f"{path}: pulses of channel {asked!r} differ in their bands, expected the same in all.")
         steps = 1.0 / (samples * steps)
-        count = min(int(0.5 * (high - low) / steps[0] + 1e-6), (samples - 1) // 2) * 2 + 1
-        first = np.full(len(steps), -(count // 2))
-        middle = np.full(len(steps), 0.5 * (low + high))
-    else:
-        first = np.maximum(np.floor((low - start) / steps - 0.5).astype(int) + 1, 0)
-        last = np.minimum(np.ceil((high - start) / steps + 0.5).astype(int) - 1, samples - 1)
-        if (count := int((last - first).min()) + 1) < 2:
-            raise ConfigError(
-                f"{path}: SC0 is {start[0]:g} Hz, expected samples between FX1 and FX2, {low:g} to {high:g}."
-            )
-        middle = start + (first + count // 2) * steps
+        start = 0.5 * (low + high) - samples // 2 * steps
+    first = np.maximum(np.floor((low - start) / steps - 0.5).astype(int) + 1, 0)
+    last = np.minimum(np.ceil((high - start) / steps + 0.5).astype(int) - 1, samples - 1)
+    if (count := int((last - first).min()) + 1) < 2:
+        raise ConfigError(f"{path}: SC0 is {start[0]:g} Hz, expected samples between FX1 and FX2, {low:g} to {high:g}.")
+    middle = start + (first + count // 2) * steps
     origin, plane, ends = _image_plane(helper)
     one, axes = _collection(helper, asked, vectors, origin, (middle[0], steps[0], count))
     if (sign := int(_of(helper, "{*}Global/{*}SGN"))) not in (-1, 1):
@@ -213,7 +207,7 @@ def _read(path: Path, channel: str | None) -> Received:
         raise ConfigError(
             f"{path}: TxPos and RcvPos of channel {asked!r} go back along the track, expected an advance."
         )
-    frequency, delay = np.stack([middle, steps]), start if arrival else None
+    frequency, delay = np.stack([middle, steps]), vectors["SC0"] if arrival else None
     return Received(path, asked, one, origin, axes, plane, ends, numbers, first, frequency, scale, sign, delay)
 
 
@@ -333,7 +327,7 @@ def write_image(
     """
     found = read_cphd(path, channel)
     one = found.one
-    fine = WIDTH_FACTOR * min(LIGHT_MPS / (2.0 * one.samples * one.step_hz), 1.0 / one.band)
+    fine = WIDTH_FACTOR * min(one.gate_m, 1.0 / one.band)
     step = spacing_m or 0.5 * fine
     ends = _part(found, size_m, centre)
     if not ((size := np.ptp(ends, axis=0)) >= step).all():
