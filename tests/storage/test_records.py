@@ -17,7 +17,7 @@ from radcal.config.stages import SCHEMAS
 from radcal.errors import DamagedError, StoreError
 from radcal.storage.inspection import inspect, set_aside
 from radcal.storage.provenance import provenance
-from radcal.storage.records import read_hdf5, read_json, write_hdf5, write_json
+from radcal.storage.records import plain_hdf5, read_hdf5, read_json, write_hdf5, write_json
 
 X = np.arange(3000, dtype=np.float32)
 
@@ -53,8 +53,14 @@ def test_three_lines_of_h5py_read_it_with_where_it_comes_from(tmp_path):
     assert attributes["radcal"]
 
 
+def write_plain(path, values):
+    with plain_hdf5(path) as file:
+        file["x"] = values
+
+
 @pytest.mark.parametrize("most", [600, 100_000])
-def test_a_file_that_does_not_fit_is_one_sentence(tmp_path, most):
+@pytest.mark.parametrize("write", [write, write_plain])
+def test_a_file_that_does_not_fit_is_one_sentence(tmp_path, most, write):
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (most, limits[1]))
     try:
@@ -63,7 +69,7 @@ def test_a_file_that_does_not_fit_is_one_sentence(tmp_path, most):
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
     assert left_in(tmp_path) == []
-    write(tmp_path / "a.h5")
+    write(tmp_path / "a.h5", values=X)
 
 
 def test_the_checksum_is_that_of_coreutils(tmp_path):
