@@ -249,7 +249,11 @@ def test_a_part_of_the_image_has_the_pixels_of_the_whole(tmp_path):
     [
         ("FX1", np.nan, r"\(FX1 is no number in some vectors\)"),
         ("SIGNAL", 0, "has 0 pulses with a signal, expected 2 or more"),
-        ("SC0", 1e3, r"SC0 is 1000 Hz, expected samples between FX1 and FX2, 9.4e\+09 to 9.7e\+09"),
+        (
+            "SC0",
+            1e3,
+            r"spectra of channel 'VV' begin at 1000 Hz, expected samples between FX1 and FX2, 9.4e\+09 to 9.7e\+09",
+        ),
         ("SCSS", -1e6, "have no common band"),
         ("TxPos", ORIGIN, "go back along the track, expected an advance"),
     ],

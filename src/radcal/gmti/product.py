@@ -36,8 +36,7 @@ _NEAR_M = 30.0  # from a mover to its detection or track
 
 def check(case: Part, scene: Scene) -> None:
     """Raise the errors of collection and processing interval, and of routes that leave the scene, before any work."""
-    one = collection(case, scene)
-    interval_of(case, one)
+    interval_of(case, collection(case, scene))
     seconds, size = case.gmti.revisit_s * (case.gmti.scans - 1), np.array(scene.material.shape[::-1]) * scene.cell_m
     ends = movers_of(case, scene).after(seconds)[:, :2]
     if left := int(((ends < 0.0) | (ends > size)).any(axis=1).sum()):
@@ -65,7 +64,9 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
     case, scene, config = made.case, made.scene, made.case.gmti
     one = collection(case, scene)
     interval, movers = interval_of(case, one), movers_of(case, scene)
-    reports, antennas, told = list[Report](), dict[int, Array](), list[tuple[float, float, float]]()
+    reports, antennas = list[Report](), dict[int, Array]()
+    # share of false alarms, least velocity, and share of the ground's power that displaced phase centres leave
+    told = list[tuple[float, float, float]]()
     for dwell in dwells(case, scene, one, movers, made.seed):
         least = least_velocity(dwell, interval, one)
         left, whole = (float(np.mean(np.abs(each) ** 2)) for each in (dpca(dwell.ground, interval), dwell.ground))
@@ -74,7 +75,6 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
         reports += some
         antennas[dwell.number] = dwell.antenna_m
         told.append((share, least, left / whole))
-    # of false alarms, and of the ground's power that the differences of displaced phase centres leave
     alarms, slowest, shares = np.array(told).T
     paths = [stem.with_suffix(".geojson"), stem.with_suffix(".png")]
     places = [np.array([each.east_m, each.north_m]) for each in reports]

@@ -81,8 +81,7 @@ def write_stanag(
     def longitude(degrees: float, bits: int = 32) -> int:
         return int(round(degrees / 360.0 * 2**bits) % 2**bits)
 
-    (ny, nx), cell = made.scene.material.shape, made.scene.cell_m
-    half = 0.5 * np.array([ny, nx]) * cell
+    half = 0.5 * np.array(made.scene.material.shape) * made.scene.cell_m
     around = np.array([[a, b, 0.0] for a, b in ((-1, -1), (-1, 1), (1, 1), (1, -1))]) * [*half, 0.0] + site.middle_m
     area = tuple(
         (SignedBinaryAngle(latitude(a), 32), BinaryAngle(longitude(b), 32)) for a, b, _ in placed(around).tolist()

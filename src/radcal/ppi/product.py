@@ -142,7 +142,7 @@ def _write_sweep(path: Path, made: Forward, sweep: Sweep, reported: NDArray[np.b
     seconds, of_ray = sweep.azimuth_deg / 360.0 * 60.0 / config.rotation_rpm, ("time",)
     snr = (10.0 * np.log10(sweep.snr)).astype(np.float32)
     # values, axes, unit and standard name
-    variables: dict[str, tuple[Any, tuple[str, ...], *tuple[str, ...]]] = {
+    variables: dict[str, tuple[Any, ...]] = {
         "volume_number": (0, ()), "latitude": (latitude, ()), "longitude": (longitude, ()), "altitude": (height, ()),
         "time_coverage_start": (began, ()), "time_coverage_end": (began, ()), "sweep": ([0], ("sweep",)),
         "sweep_group_name": (["sweep_0"], ("sweep",)), "sweep_fixed_angle": ([tilt], ("sweep",)),

@@ -197,7 +197,10 @@ def _read(path: Path, channel: str | None) -> Received:
     first = np.maximum(np.floor((low - start) / steps - 0.5).astype(int) + 1, 0)
     last = np.minimum(np.ceil((high - start) / steps + 0.5).astype(int) - 1, samples - 1)
     if (count := int((last - first).min()) + 1) < 2:
-        raise ConfigError(f"{path}: SC0 is {start[0]:g} Hz, expected samples between FX1 and FX2, {low:g} to {high:g}.")
+        raise ConfigError(
+            f"{path}: spectra of channel {asked!r} begin at {start[0]:g} Hz, expected samples between FX1 and FX2, "
+            f"{low:g} to {high:g}."
+        )
     middle = start + (first + count // 2) * steps
     origin, plane, ends = _image_plane(helper)
     one, axes = _collection(helper, asked, vectors, origin, (middle[0], steps[0], count))
