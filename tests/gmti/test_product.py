@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from gmti_samples import GMTI, SPEED, movers
+from pyproj import Proj
 from variants import agrees
 
 from radcal.errors import ConfigError
@@ -78,7 +79,9 @@ def test_training_gates_are_every_second_one_around_a_gate():
 
 
 def test_movers_are_found_and_reported(case, moving, tmp_path):
-    made = Forward(case, moving, None, None, "key", 1, False, None)
+    """In a scene of cells of 5 m whose grid is turned on the map."""
+    place = {"crs": "EPSG:32632", "transform": (3.0, 4.0, 600_000.0, -4.0, 3.0, 5_200_000.0)}
+    made = Forward(case, replace(moving, **place), None, None, "key", 1, False, None)
     check(case, moving)
     geojson, picture, found, packets = write(tmp_path / "gmti", made)
     assert packets.name == "gmti.4607"
@@ -90,7 +93,13 @@ def test_movers_are_found_and_reported(case, moving, tmp_path):
     best = max((one["properties"] for one in features), key=lambda one: one["eta"])
     assert best["east_m"] == pytest.approx(120.0, abs=6.0)
     assert best["velocity_mps"] == pytest.approx(SPEED * np.sqrt(0.5), abs=1.5)
-    assert features[0]["geometry"] is None
+    best = max(features, key=lambda one: one["properties"]["eta"])
+    assert best["geometry"]["type"] == "Point"
+    east, north = (best["properties"][key] / 5.0 for key in ("east_m", "north_m"))
+    x, y = Proj("EPSG:32632")(*best["geometry"]["coordinates"])
+    assert (x - 600_000.0, y - 5_200_000.0) == pytest.approx(
+        (3.0 * east + 4.0 * north, 3.0 * north - 4.0 * east), abs=1e-3
+    )
 
 
 def test_displaced_phase_centres_cancel_the_ground_where_they_meet(build_case, moving, tmp_path):
@@ -100,7 +109,11 @@ def test_displaced_phase_centres_cancel_the_ground_where_they_meet(build_case, m
         radar = {"altitude_m": 1000.0, "nesz_db": -70.0}
         case = build_case(gmti=GMTI | {"spacing_m": spacing}, radar=radar)
         made = Forward(case, moving, None, None, "key", 1, False, None)
-        left.append(write(tmp_path / f"gmti{number}", made)[2].numbers["dpca_db"])
+        geojson, _, found, _ = write(tmp_path / f"gmti{number}", made)
+        left.append(found.numbers["dpca_db"])
+        geometries = [one["geometry"] for one in json.loads(geojson.read_text())["features"]]
+        assert geometries
+        assert all(one is None for one in geometries)  # the scene is on no map
     assert left[0] < -25.0
     assert left[1] == pytest.approx(10.0 * np.log10(2.0), abs=1.5)
 
