@@ -84,12 +84,9 @@ def test_a_level_is_named_from_a_fifth_of_a_decibel_on(levels, severity):
 def test_radiometry_then_fixed_laws_then_the_level():
     wrong = made_image(
         levels_db=np.array([[0.8, 1.4, 2.0], [-0.2, 0.0, 0.3]]),
-        laws_db={"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])},
-        radiometry={
-            "1": made_radiometry(0.97),
-            "2": made_radiometry(0.3, -1),
-        },
+        radiometry={**WRONG, "2": made_radiometry(0.3, -1)},
         sampled=False,
+        **LAW_OFF,
     )
     found = of_image(wrong, "sigma0_local", "beta0")
     assert codes(found) == [
@@ -135,16 +132,15 @@ def test_a_fixed_law_is_named_if_it_is_a_decibel_off(error, named):
 
 def test_a_fixed_law_near_the_noise_is_not_named():
     """Radiometry counts the materials well above the noise in some pass."""
-    wrong = {"water": np.array([1.2, 1.9, 2.6]), "wood": np.array([-0.5, -0.1, 0.4])}
     for shown, named in ((("wood",), False), (("wood", "water"), True)):
-        image = made_image(laws_db=wrong, radiometry={"1": made_radiometry(materials=shown)})
+        image = made_image(radiometry={"1": made_radiometry(materials=shown)}, **LAW_OFF)
         assert ("fixed_law" in [one.code for one in of_image(image)]) is named
 
 
 @pytest.mark.parametrize(("apart", "severity"), [((1.4, 2.0, 2.5), "warning"), ((-0.2, 0.3, 0.8), "note")])
 def test_one_fixed_law_is_not_told_from_a_level(apart, severity):
     """However many passes there are, it is said once, of the first."""
-    lake = {"laws_db": {"lake": np.array([0.9, 1.3, 1.8])}, "apart_db": {"lake": np.array(apart)}}
+    lake = {**ONE, "apart_db": {"lake": np.array(apart)}}
     shown = made_radiometry(0.0, materials=("lake",))
     for passes in (1, 2):
         image = made_image(
@@ -158,10 +154,7 @@ def test_one_fixed_law_is_not_told_from_a_level(apart, severity):
 
 
 def test_without_fixed_laws_nothing_is_checked():
-    nothing = made_image(
-        laws_db={}, apart_db={}, levels_db=np.array([[-0.8, 0.0, 0.8]]),
-        radiometry={"1": NOTHING_SHOWN},
-    )  # fmt: skip
+    nothing = made_image(laws_db={}, apart_db={}, levels_db=np.array([[-0.8, 0.0, 0.8]]), radiometry=UNCHECKED)
     found = of_image(nothing, level_db=0.45)
     assert codes(found) == [("radiometry_unchecked", "note", "pass 1"), ("level_unchecked", "note", "pass 1")]
     assert found[0].numbers == {"declared": "sigma0_local", "other": "sigma0_ref", "chance_percent": 0.0}

@@ -175,16 +175,6 @@ def test_runs_of_an_earlier_version_are_read_with_their_passes(tmp_path):
     assert run.scores["dyke"].densities == [*RUNS[1].scores["dyke"].densities, None]
 
 
-def test_a_run_of_another_version_is_named_by_the_key(tmp_path):
-    file = tmp_path / "scores.json"
-    write_runs(file, RUNS[:1])
-    (data,) = read_json(file)
-    del data["scores"]
-    write_json(file, [data])
-    with pytest.raises(StoreError, match=r"scores\.json: holds other contents .* 0\.scores: Field required"):
-        read_runs([file])
-
-
 @pytest.mark.parametrize(
     ("place", "value", "said"),
     [

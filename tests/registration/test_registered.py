@@ -82,6 +82,7 @@ def test_an_image_in_its_place_is_left_there():
     assert not found.applied
     assert found.measurement is in_place
     assert not found.displacement_px.any()
+    assert not found.uncertainty_px.any()
     before, after = map(float, re.findall(r"(\d\.\d+) (?:before|after)", found.verdict))
     assert after - before < 0.0015
 
