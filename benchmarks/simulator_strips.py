@@ -29,6 +29,8 @@ from contextlib import ExitStack
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from radcal.scene.model import Scene
+
 os.environ["NUMBA_NUM_THREADS"] = "1"
 
 import h5py
@@ -39,7 +41,7 @@ from radcal.config import Radar
 from radcal.laws import LAWS
 from radcal.radar.geometry import Frame, read_geometry, write_geometry
 from radcal.radar.projection import make_frame, make_geometry, strips_of
-from radcal.scene.model import read_scene, scene_on_disk
+from radcal.scene.model import scene_on_disk
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.records import write_hdf5
 
@@ -75,7 +77,7 @@ def job(folder: Path, task: str, rows: int) -> None:
         with scene_on_disk(folder / "scene.h5") as scene:
             frame.write_text(json.dumps(asdict(make_frame(scene, RADAR))))
         return
-    scene = read_scene(folder / "scene.h5")
+    scene = Scene.read(folder / "scene.h5")
     side, shared = len(scene.material), Frame(**json.loads(frame.read_text()))
     strips, ends = strips_of(side, 1.0, RADAR, number_of(side, rows), shared), [int(one) for one in task.split("-")]
     strip = replace(strips[ends[0]], last=strips[ends[-1]].last, right=strips[ends[-1]].right)

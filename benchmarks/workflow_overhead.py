@@ -35,7 +35,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 from workflow_project import Project, make_project
 
 from radcal.objectives.history import read_runs, write_runs
-from radcal.storage.provenance import provenance
+from radcal.storage.records import provenance
 
 SLEEPER = """\
 import json, sys, time

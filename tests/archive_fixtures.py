@@ -19,7 +19,7 @@ from radcal.inference.moments import from_dp
 from radcal.objectives.history import History, PassScore, Proposal, Run, Score
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
-from radcal.results.archive import read_archive, write_archive
+from radcal.results.archive import read_archive
 from radcal.results.results import archive_of
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
@@ -63,7 +63,7 @@ class Made:
             case, at.history, at.scene, at.geometry, at.passes or [at.registered], at.every, at.runs,
             at.final, each, at.image,
         )  # fmt: skip
-        write_archive(path, archive)
+        archive.write(path)
         return read_archive(path)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import h5py
 
-from radcal.storage.sealing import BLOCK, header
+from radcal.storage.records import BLOCK, header
 
 
 @contextmanager

@@ -31,7 +31,7 @@ FLOW = [
     ("objectives", ["objectives"]),
     ("design", ["proposals.design"]),
     ("surrogate", ["proposals.surrogate", "proposals.kriging", "proposals.smt_kriging"]),
-    ("proposal", ["proposals.nsga2", "proposals.lattice", "proposals.search"]),
+    ("proposal", ["proposals.nsga2", "proposals.search"]),
     ("verification", ["calibration.steps", "calibration.stopping", "calibration.loop"]),
     ("assessment", ["posterior", "assessment"]),
     ("report", ["results", "figures", "page", "ppi", "gmti", "products"]),

@@ -19,7 +19,7 @@ from radcal.figures.drawing import STYLE
 from radcal.products.showing import show
 from radcal.products.simulated import forward
 from radcal.seeds import noise_seed
-from radcal.simulators.sources import make_runners
+from radcal.simulators.runner import make_runners
 from radcal.targets.target import read_targets
 
 

@@ -10,8 +10,7 @@ from calibration_samples import make_run, make_target
 from geometry_samples import X, two_materials
 
 from radcal.assessment import conclusion
-from radcal.assessment.conclusion import conclude, withheld
-from radcal.assessment.registration_check import moved_finding
+from radcal.assessment.conclusion import conclude, moved_finding, withheld
 from radcal.config import case_from
 from radcal.findings import Finding
 from radcal.laws import LAWS

@@ -16,7 +16,7 @@ from assessment_samples import (
 )
 from calibration_samples import make_target
 
-from radcal.assessment.known import image_findings, law_findings, material_findings
+from radcal.assessment.conclusion import image_findings, law_findings, material_findings
 from radcal.config import Uncertainty
 from radcal.findings import Finding
 from radcal.ground.pixels import IN_THE_NOISE

@@ -8,10 +8,10 @@ import pytest
 from calibration_samples import make_run, make_target
 from geometry_samples import X, two_materials
 
-from radcal.assessment.program_check import another_law, beyond_law_db
+from radcal.assessment.conclusion import another_law, beyond_law_db
 from radcal.findings import Finding
-from radcal.ground.bins import make_classes
-from radcal.inference.expected import law_cumulants
+from radcal.ground.ground import make_classes
+from radcal.inference.misfit import law_cumulants
 from radcal.laws import LAWS, law_for
 from radcal.objectives.history import History
 from radcal.speckle.texture import log_speckle_cumulants

@@ -8,8 +8,8 @@ from calibration_samples import make_target
 from geometry_samples import X, two_materials
 from scipy.ndimage import gaussian_filter
 
-from radcal.assessment import registration_check
-from radcal.assessment.registration_check import check_registration, moved_again, moved_finding
+from radcal.assessment import conclusion
+from radcal.assessment.conclusion import check_registration, moved_again, moved_finding
 from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
@@ -70,7 +70,7 @@ def test_sigma0_changes_by_the_laws_slope_along_the_gradient_of_the_incidence(mo
     angle = seen.incidence_deg.ravel()[pixels]
     targets = {"area": make_target(np.linspace(-12.0, -8.0, pixels.size), angle, pixels=pixels)}
     field = np.broadcast_to(np.array([0.6, -0.8])[:, None, None], (2, *shape))
-    monkeypatch.setattr(registration_check, "moved_again", lambda *_: field)
+    monkeypatch.setattr(conclusion, "moved_again", lambda *_: field)
     image = np.zeros(shape, dtype=np.float32)
     laws = {"area": (LAW, X), "rest": (LAW, X), "program": (law_for("external", names=["p"]), [1.0])}
     (found,) = check_registration(laws, targets, seen, registered(image), image)

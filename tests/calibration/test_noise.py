@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from radcal import skewnormal
-from radcal.calibration.noise import noise_variance, scatter
-from radcal.ground.bins import class_cumulants
+from radcal.calibration.scoring import noise_variance, scatter
+from radcal.ground.ground import class_cumulants
 from radcal.inference.moments import from_cumulants, from_dp
 
 DP = np.array([-12.0, 3.0, -2.0])

@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from radcal.config import Case, case_from
 from radcal.config.part import Part
 from radcal.config.stages import OUTPUTS, SCHEMAS, STAGES
-from radcal.storage.inspection import kind_of
+from radcal.storage.records import kind_of
 
 WORKFLOW = Path(__file__).resolve().parents[2] / "workflow"
 

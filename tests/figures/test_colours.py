@@ -7,8 +7,7 @@ import pytest
 from archives import configured
 from skimage.color import rgb2lab
 
-from radcal.figures.colours import FILLS, colour_of, colours_of, head, material_colours
-from radcal.figures.drawing import new_canvas
+from radcal.figures.drawing import FILLS, colour_of, colours_of, head, material_colours, new_canvas
 from radcal.tables.landcover import landcovers
 
 

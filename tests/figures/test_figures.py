@@ -23,8 +23,7 @@ from radcal.figures.front_figures import front
 from radcal.figures.held_out_figures import held_out
 from radcal.figures.law_figures import cost, law
 from radcal.posterior.result import LevelPoints
-from radcal.results.archive import Fidelity, Images
-from radcal.results.search_front import SearchFront
+from radcal.results.archive import Fidelity, Images, SearchFront
 from radcal.scene.objects import Objects
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]

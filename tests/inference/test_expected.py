@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from radcal.inference.expected import LawForward, expected_cumulants
+from radcal.inference.misfit import LawForward, expected_cumulants
 from radcal.laws import LAWS
 
 LAW = LAWS["mangia"]

@@ -6,12 +6,10 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.ground.bins import make_classes
-from radcal.ground.ground import Ground
+from radcal.ground.ground import Ground, make_classes
 from radcal.ground.patches import Spread, spreads
-from radcal.inference.law_fit import LawFit, fit_law
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
-from radcal.inference.pooled_laws import FittedLaw, fit_laws
+from radcal.inference.pooled_laws import FittedLaw, LawFit, fit_law, fit_laws
 from radcal.laws import LAWS
 from radcal.speckle.texture import log_speckle_cumulants
 

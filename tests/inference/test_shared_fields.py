@@ -3,11 +3,9 @@
 import numpy as np
 import pytest
 
-from radcal.ground.bins import make_classes
-from radcal.ground.ground import Ground
+from radcal.ground.ground import Ground, make_classes
 from radcal.ground.patches import Spread
-from radcal.inference.misfit import BinMisfit, Method
-from radcal.inference.shared_fields import together
+from radcal.inference.misfit import BinMisfit, Method, together
 from radcal.laws import law_for
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))

@@ -4,8 +4,8 @@ import numpy as np
 from scipy import stats
 from variants import agrees
 
-from radcal.inference.expected import expected_cumulants, law_cumulants
 from radcal.inference.incidence_error import attenuation, registration_error_deg, true_nodes
+from radcal.inference.misfit import expected_cumulants, law_cumulants
 from radcal.inference.moments import from_cumulants, sampling_covariance
 from radcal.laws import law_for
 

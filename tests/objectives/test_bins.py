@@ -10,8 +10,7 @@ from radcal.calibration.loop import calibrate
 from radcal.calibration.steps import noise_seed
 from radcal.config import Optimiser, SurrogateConfig
 from radcal.errors import MeasurementError
-from radcal.inference.expected import LawForward
-from radcal.inference.misfit import LikelihoodMisfit
+from radcal.inference.misfit import LawForward, LikelihoodMisfit
 from radcal.inference.moments import from_cumulants
 from radcal.laws import LAWS
 from radcal.objectives import make_objectives

@@ -7,7 +7,7 @@ import pytest
 
 from radcal.calibration.scoring import score, with_texture
 from radcal.config import Optimiser, case_from
-from radcal.inference.shared_fields import together
+from radcal.inference.misfit import together
 from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.base import PredictedPoints
@@ -17,7 +17,7 @@ from radcal.proposals.search import Search
 from radcal.proposals.surrogate import Surrogate, train_surrogate
 from radcal.radar.projection import make_geometry
 from radcal.registration.registered import register
-from radcal.results.search_front import search_fronts
+from radcal.results.results import search_fronts
 from radcal.scene.model import Scene
 from radcal.scene.slant_range import flat_incidence_deg
 from radcal.simulators.builtin import BuiltinSimulator

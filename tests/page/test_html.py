@@ -17,8 +17,7 @@ from PIL import Image
 
 from radcal.figures.figures import Figure
 from radcal.findings import Finding
-from radcal.page.html import _embedded, _number, _span, write_report
-from radcal.page.provenance import provenance_of
+from radcal.page.html import _embedded, _number, _span, provenance_of, write_report
 from radcal.posterior.radiometry import Radiometry
 from radcal.results.summary import summarise
 
@@ -381,7 +380,7 @@ def test_provenance_names_date_command_time_and_inputs(build_archive, tmp_path, 
     (tmp_path / "benchmarks").mkdir()
     (tmp_path / "benchmarks/scene.tsv").write_text("s\th:m:s\n95.5\t0:01:35\n")
     archive = build_archive(tmp_path).archive
-    monkeypatch.setattr("radcal.page.provenance.input_files", lambda case: {"scene.elevation": elevation})
+    monkeypatch.setattr("radcal.page.html.input_files", lambda case: {"scene.elevation": elevation})
     made = provenance_of(archive, tmp_path, "snakemake --cores 2")
     path = tmp_path / "report.html"
     write_report(path, archive, [], made)

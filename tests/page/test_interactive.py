@@ -12,7 +12,7 @@ from archives import changed_material, configured, posterior
 
 from radcal.page.plots import PLOTS, embedded_library, interactive, script
 from radcal.posterior.result import KeptDraws, LevelPoints
-from radcal.results.bin_statistics import BinStatistics
+from radcal.results.archive import BinStatistics
 
 RNG = np.random.default_rng(5)
 BINS = BinStatistics(

@@ -19,8 +19,7 @@ from radcal.registration.registered import register
 from radcal.scene.base import scene_size
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.runner import Runner
-from radcal.simulators.sources import make_simulator
+from radcal.simulators.runner import Runner, make_simulator
 from radcal.storage.files import digest
 from radcal.storage.runs import RunStore
 from radcal.words import sentence

@@ -8,15 +8,8 @@ from assessment_samples import LINE, LINE_X, NOTHING_SHOWN, held_cells, made_cur
 
 from radcal.errors import StoreError
 from radcal.posterior.curves import GRID_DEG
-from radcal.posterior.result import (
-    Constant,
-    Image,
-    KeptDraws,
-    Posterior,
-    known_between,
-)
+from radcal.posterior.result import Constant, Image, KeptDraws, Posterior, known_between
 from radcal.storage.dataclass_groups import same
-from radcal.storage.records import read_item, write_item
 
 ANGLES = np.arange(0.0, 85.25, 0.25)
 
@@ -89,15 +82,15 @@ def test_files(tmp_path):
     )
     bare = replace(whole, curve=None, known_between_deg=None, known_half_width_db=None, form=None, draws=None)
     for one in (whole, bare):
-        write_item(tmp_path / "posterior.h5", "posterior", one)
-        assert same(read_item(tmp_path / "posterior.h5", "posterior", Posterior), one)
+        one.write(tmp_path / "posterior.h5")
+        assert same(Posterior.read(tmp_path / "posterior.h5"), one)
     nothing = made_image(laws_db={}, apart_db={}, radiometry={"1": NOTHING_SHOWN})
     for one in (made_image(), nothing):
-        write_item(tmp_path / "image.h5", "image", one)
-        read = read_item(tmp_path / "image.h5", "image", Image)
+        one.write(tmp_path / "image.h5")
+        read = Image.read(tmp_path / "image.h5")
         assert list(read.laws_db) == list(one.laws_db)
         np.testing.assert_array_equal(read.levels_db, one.levels_db)
         assert read.radiometry["1"].materials == one.radiometry["1"].materials
         assert read.radiometry["1"].checked is one.radiometry["1"].checked
     with pytest.raises(StoreError):
-        read_item(tmp_path / "image.h5", "posterior", Posterior)
+        Posterior.read(tmp_path / "image.h5")

@@ -25,7 +25,7 @@ from radcal.products.advice import (
     common_ratio,
     judged,
 )
-from radcal.scene.model import Scene, write_scene
+from radcal.scene.model import Scene
 from radcal.words import sentence
 
 FLAT = law_for("tabulated", angles_deg=(20.0, 60.0))
@@ -245,7 +245,7 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
         findings=[], image=SimpleNamespace(levels_db=np.array([[-1.6449, 0.1, 1.6449]])),
     )  # fmt: skip
     monkeypatch.setattr(advice, "read_finished", lambda folder: archive)
-    write_scene(tmp_path / "scene.h5", scene())
+    scene().write(tmp_path / "scene.h5")
     with pytest.raises(ConfigError, match="no calibrated material has a band of sigma0 in dB"):
         advise(tmp_path)
     result.posterior = SimpleNamespace(curve="one", **vars(found()["slope"][0]))
@@ -275,6 +275,6 @@ def test_from_a_results_folder(tmp_path, monkeypatch):
     with pytest.raises(ConfigError, match="--between is 60 30, expected two increasing angles in 0 to 90"):
         advise(tmp_path, (), (60.0, 30.0))
     (tmp_path / "scene.h5").unlink()
-    write_scene(tmp_path / "scene.h5", replace(scene(), elevation_m=None, incidence_deg=np.full(60, 30.0)))
+    replace(scene(), elevation_m=None, incidence_deg=np.full(60, 30.0)).write(tmp_path / "scene.h5")
     with pytest.raises(ConfigError, match="the scene is in slant range, whose incidence is the same in every pass"):
         advise(tmp_path)

@@ -12,25 +12,26 @@ from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_fr
 from radcal.config.loading import load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import Prediction
-from radcal.ground.bins import class_of, incidence_edges
+from radcal.ground.ground import class_of, incidence_edges
 from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
 from radcal.posterior.result import WHOLE_DEG, Constant, KeptDraws, Predicted
 from radcal.products import applied
 from radcal.products.applied import (
+    PredictionBins,
     _conclusion,
     _few_pixels,
     _is_level_known,
     _of_pass,
     _table,
     apply,
+    by_constant_db,
     members_of,
     predictions,
+    predictive_db,
     with_laws,
 )
-from radcal.products.applied_bins import PredictionBins, by_constant_db, predictive_db
-from radcal.registration.registered import Registered, registered_as, write_registered
-from radcal.results.archive import write_archive
+from radcal.registration.registered import Registered, registered_as
 
 LAW = law_for("tabulated", angles_deg=(20.0, 60.0))
 X = [-6.0, -16.0]
@@ -304,7 +305,7 @@ def test_members_of_a_law_that_depends_on_the_pass_need_its_pass(tmp_path):
 
 @pytest.mark.parametrize("config", ["no JSON", '{"materials": {"dyke": {"law": "none"}}}'])
 def test_other_contents_under_a_right_checksum_are_one_sentence(made, tmp_path, config):
-    write_archive(tmp_path / "calibration.h5", replace(made.archive, config=config))
+    replace(made.archive, config=config).write(tmp_path / "calibration.h5")
     _, other = written(tmp_path, "dyke: {parameters: [1, 2, 3, 4]}")
     with pytest.raises(StoreError, match=r"calibration\.h5: holds other contents than radcal writes"):
         apply(tmp_path, other, None, tmp_path / "out", tmp_path / "runs")
@@ -317,7 +318,7 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path):
     verdict = "registered with gefolki."
     own = Registered(Measurement(moved, "a.tif"), image, zero + 1, zero[0] + 0.5, 0.0, "gefolki", True, verdict)
     path = tmp_path / "registered.h5"
-    write_registered(path, own)
+    own.write(path)
     found, by = registered_as(path, image, Measurement(image, "a.tif"), RegistrationConfig())
     assert np.array_equal(found.measurement.image_db, moved, equal_nan=True)
     assert (found.verdict, by) == (verdict, f"as in {tmp_path}")
@@ -325,7 +326,7 @@ def test_an_image_lies_where_its_own_case_has_registered_it(tmp_path):
     none = RegistrationConfig(method="none")
     (tmp_path / "broken.h5").write_bytes(b"not HDF5")
     other = tmp_path / "other.h5"
-    write_registered(other, replace(own, method="none"))
+    replace(own, method="none").write(other)
     gone, broken = tmp_path / "gone.h5", tmp_path / "broken.h5"
     for place, values in ((path, image), (gone, image), (broken, image), (other, image + 1.0)):
         found, by = registered_as(place, image, Measurement(values, "a.tif"), none)

@@ -11,7 +11,6 @@ from sealed import changed
 from radcal.errors import ConfigError, StoreError
 from radcal.posterior.result import Curve
 from radcal.products.comparison import _fits, _known, compare, law_difference
-from radcal.results.archive import write_archive
 
 
 def known(slope, level, seen, half=1.0, between=None):
@@ -80,7 +79,7 @@ def test_a_refuted_law_is_told_from_one_that_cannot_be_tested(pair):
 def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for archive, name in zip(pair, ("small", "other"), strict=True):
-        write_archive(tmp_path / "results" / name / "calibration.h5", archive)
+        archive.write(tmp_path / "results" / name / "calibration.h5")
     lines = typed("compare", "small", "other").stdout.splitlines()
     assert lines[:2] == ["A: results/small", "B: results/other"]
     assert [cell.strip() for cell in lines[4].split("  ") if cell] == [
@@ -97,14 +96,14 @@ def test_the_command_prints_a_table_and_draws_a_figure(pair, tmp_path, monkeypat
 def test_cases_that_cannot_be_compared_are_refused(pair, tmp_path):
     folders, figure = [tmp_path / "a", tmp_path / "b"], tmp_path / "figure.png"
     for folder, archive in zip(folders, pair, strict=True):
-        write_archive(folder / "calibration.h5", archive)
+        archive.write(folder / "calibration.h5")
     with changed(tmp_path / "b/calibration.h5") as file:
         del file["materials/dyke/posterior/seen_deg"]
         file["materials/dyke/posterior/seen_deg"] = ["a", "b"]
     with pytest.raises(StoreError, match=r"b/calibration\.h5: holds other contents than radcal writes"):
         compare(folders, figure)
     only = {"stem": pair[1].materials["stem beans"]}
-    write_archive(tmp_path / "b/calibration.h5", replace(pair[1], materials=only))
+    replace(pair[1], materials=only).write(tmp_path / "b/calibration.h5")
     with pytest.raises(ConfigError, match="no material in common: found dyke, stem beans and stem, expected"):
         compare(folders, figure)
     assert not figure.exists()

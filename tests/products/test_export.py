@@ -22,8 +22,7 @@ from radcal.products.export import ground_layers, write_export
 from radcal.products.geotiff import SLANT_RANGE, _spacing, map_grid, pixel_at_cell
 from radcal.products.tables import calibrated_yaml
 from radcal.seeds import noise_seed
-from radcal.storage.run_index import IndexedRun, write_index
-from radcal.storage.runs import Record, RunStore
+from radcal.storage.runs import IndexedRun, Record, RunStore, write_index
 
 
 @pytest.fixture

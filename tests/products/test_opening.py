@@ -21,10 +21,9 @@ from radcal.posterior.result import KeptDraws
 from radcal.products.export import write_export
 from radcal.products.stac import stac_item
 from radcal.products.tables import write_runs
-from radcal.results.archive import write_archive
 from radcal.results.summary import summarise
 from radcal.storage.records import write_json
-from radcal.storage.run_index import write_index
+from radcal.storage.runs import write_index
 
 PAGE = Path(__file__).parents[2] / "docs" / "exports.md"
 
@@ -96,7 +95,7 @@ def test_an_image_on_the_map_has_coordinates(made, tmp_path):
 
 def test_stac_item(made, folder, tmp_path):
     results = on_map(made, tmp_path)
-    write_archive(tmp_path / "calibration.h5", made.archive)
+    made.archive.write(tmp_path / "calibration.h5")
     item = results.to_stac()
     item.validate()
     item.save_object()
@@ -123,7 +122,7 @@ def test_posterior_for_arviz(made, tmp_path):
     (tmp_path / "summary.json").write_text("{}")
     with pytest.raises(StoreError, match="the calibration is not finished, expected calibration.h5"):
         radcal.open(tmp_path).to_arviz()
-    write_archive(tmp_path / "calibration.h5", changed_material(made.archive, "dyke", posterior=posterior(draws=draws)))
+    changed_material(made.archive, "dyke", posterior=posterior(draws=draws)).write(tmp_path / "calibration.h5")
     found = radcal.open(tmp_path).to_arviz()
     assert found["posterior"]["X3"].values.ravel().tolist() == [2.0, 6.0, 10.0]
     assert found.attrs["case"] == "small"

@@ -4,9 +4,8 @@ import pytest
 
 from radcal.config import Material, case_from
 from radcal.errors import ConfigError
-from radcal.programs.command_plan import check_command
+from radcal.programs.command_plan import check_command, check_numbers
 from radcal.programs.placeholders import argument, template
-from radcal.programs.written_values import check_numbers
 
 SOIL = {"calibrate": True, "law": "external", "names": ["a", "m", "rows"], "integer": ["rows"]}
 MATERIALS = {

@@ -10,8 +10,7 @@ from calibration_samples import make_material, make_score, make_target
 from radcal import skewnormal
 from radcal.config import Optimiser
 from radcal.objectives.density import UNREACHABLE_SHARE, Density
-from radcal.proposals.lattice import corners, lattice
-from radcal.proposals.search import Search
+from radcal.proposals.search import Search, corners, lattice
 from radcal.seeds import derived_seed
 
 QUICK = Optimiser(population=20, evaluations=100)

@@ -11,9 +11,8 @@ from radcal.errors import ConfigError, StoreError
 from radcal.laws import LAWS
 from radcal.radar.geometry import Frame, joined, read_geometry, write_geometry
 from radcal.radar.projection import make_frame, make_geometry, strips_of
-from radcal.scene.model import Scene, scene_on_disk, write_scene
-from radcal.scene.object_generator import generate_objects
-from radcal.scene.objects import Walls
+from radcal.scene.model import Scene, scene_on_disk
+from radcal.scene.objects import Walls, generate_objects
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.dataclass_groups import same
 
@@ -54,7 +53,7 @@ def rough():
 @pytest.mark.parametrize("number", [2, 3])  # the first strips have 256 rows, the last one of two has 444
 def test_strips_are_the_whole_image_bit_for_bit(rough, name, number, tmp_path):
     radar = PASSES[name]
-    write_scene(tmp_path / "scene.h5", rough)
+    rough.write(tmp_path / "scene.h5")
     with scene_on_disk(tmp_path / "scene.h5") as scene:
         frame = make_frame(scene, radar)
     whole = make_geometry(rough, radar)

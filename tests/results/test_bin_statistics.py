@@ -7,7 +7,7 @@ import pytest
 from calibration_samples import make_material, make_run, make_target
 
 from radcal.config import SurrogateConfig
-from radcal.ground.bins import make_classes
+from radcal.ground.ground import make_classes
 from radcal.ground.patches import Spread
 from radcal.inference.moments import from_cumulants
 from radcal.laws import LAWS
@@ -16,9 +16,9 @@ from radcal.objectives.density import Density
 from radcal.objectives.history import History
 from radcal.objectives.joint import Joint
 from radcal.proposals.surrogate import train_surrogate
-from radcal.results.bin_statistics import bin_statistics, prior_draws
+from radcal.results.results import bin_statistics, prior_draws
 from radcal.speckle.texture import log_speckle_cumulants
-from radcal.targets.class_target import ClassTarget
+from radcal.targets.target import ClassTarget
 
 LAW, X = LAWS["mangia"], [-12.0, 5.0, 7.0, 3.0]
 BOX = np.array([[-30.0, 10.0], [-5.0, 15.0], [0.0, 30.0], [0.0, 15.0]])

@@ -11,13 +11,13 @@ from assessment_samples import held_cells
 from radcal.figures.law_figures import law
 from radcal.findings import Finding
 from radcal.posterior.quantiles import without_cells
-from radcal.results.archive import read_archive, write_archive
+from radcal.results.archive import read_archive
 from radcal.results.law_notes import found_words
 from radcal.results.summary import sentences, summarise
 
 
 def test_the_summary_holds_curve_intervals_and_where_the_law_is_determined(made, tmp_path):
-    write_archive(tmp_path / "calibration.h5", changed_material(made.archive, "dyke", posterior=posterior()))
+    changed_material(made.archive, "dyke", posterior=posterior()).write(tmp_path / "calibration.h5")
     archive = read_archive(tmp_path / "calibration.h5")
     found = summarise(archive)["materials"]["dyke"]
     assert (found["known_between_deg"], found["identified"]) == ([22.25, 39.5], True)
@@ -147,7 +147,7 @@ def test_a_material_without_cells_is_in_archive_and_summary(made, tmp_path):
     changed = changed_findings(
         changed_material(made.archive, "dyke", posterior=nothing), Finding("without_cells", "warning", "dyke")
     )
-    write_archive(tmp_path / "calibration.h5", changed)
+    changed.write(tmp_path / "calibration.h5")
     archive = read_archive(tmp_path / "calibration.h5")
     summary = summarise(archive)
     found = summary["materials"]["dyke"]

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from radcal.findings import Finding
-from radcal.scene.model import Scene, read_scene, write_scene
-from radcal.scene.object_generator import generate_objects
+from radcal.scene.model import Scene
+from radcal.scene.objects import generate_objects
 from radcal.storage.dataclass_groups import same
 
 OBJECTS = replace(
@@ -46,5 +46,5 @@ SCENES = {
 @pytest.mark.parametrize("name", SCENES)
 def test_round_trip_is_exact(name, tmp_path):
     path, scene = tmp_path / "scene.h5", SCENES[name]
-    write_scene(path, scene)
-    assert same(read_scene(path), scene)
+    scene.write(path)
+    assert same(Scene.read(path), scene)

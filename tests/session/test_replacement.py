@@ -14,10 +14,9 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.radar.geometry import write_geometry
 from radcal.radar.projection import make_geometry
-from radcal.scene.model import write_scene
 from radcal.scene.sources import make_scene
-from radcal.session.replacement import check_replacement
-from radcal.storage.provenance import provenance
+from radcal.session.salvage import check_replacement
+from radcal.storage.records import provenance
 
 OUT = Path("results/tiny")
 
@@ -31,7 +30,7 @@ def _made(tmp_path, monkeypatch):
     OUT.mkdir(parents=True)
     scene = make_scene(case.scene, list(case.materials))
     with provenance("tiny", STAGES["scene"].params(case)):
-        write_scene(OUT / "scene.h5", scene)
+        scene.write(OUT / "scene.h5")
     with provenance("tiny", STAGES["geometry"].params(case)):
         write_geometry(OUT / "passes/1/geometry.h5", make_geometry(scene, case.radar), case.radar)
     (OUT / "calibration.h5").touch()

@@ -7,8 +7,7 @@ import pytest
 from sealed import flip
 
 from radcal.session.salvage import salvage
-from radcal.storage.provenance import provenance
-from radcal.storage.records import write_hdf5, write_json, write_listing
+from radcal.storage.records import provenance, write_hdf5, write_json, write_listing
 from radcal.storage.runs import Record, RunStore
 
 PATTERNS = (

@@ -6,14 +6,13 @@ import pytest
 from radcal.config import case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
-from radcal.radar.radiometry import noise_floor_db
+from radcal.radar.geometry import noise_floor_db
 from radcal.signals import simulator as made_by
 from radcal.signals.focus import focused
 from radcal.signals.history import RawSignal
 from radcal.signals.platform import collection
 from radcal.signals.scatterers import scatterers
-from radcal.simulators.runner import Runner
-from radcal.simulators.sources import make_simulator
+from radcal.simulators.runner import Runner, make_simulator
 from radcal.storage.runs import RunStore
 
 X = {"dyke": [-11.0], "grass": [-14.0]}

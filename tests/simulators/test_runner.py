@@ -16,7 +16,7 @@ from radcal.scene.sources import make_scene
 from radcal.seeds import noise_seed
 from radcal.simulators import runner as module
 from radcal.simulators.runner import Runner
-from radcal.simulators.texturing import textured as pixels_with_texture
+from radcal.simulators.runner import textured as pixels_with_texture
 from radcal.speckle.texture import texture_order
 from radcal.storage.files import digest
 from radcal.storage.runs import RunStore

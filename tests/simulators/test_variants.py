@@ -4,7 +4,7 @@ import numpy as np
 from scipy import stats
 from variants import agrees
 
-from radcal.simulators.texturing import textured
+from radcal.simulators.runner import textured
 
 
 def test_texture_multiplies_the_power_and_keeps_its_mean():

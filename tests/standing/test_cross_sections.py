@@ -8,10 +8,10 @@ import pandas as pd
 import pytest
 
 from radcal.config import Radar, case_from
-from radcal.config.inputs import input_files
+from radcal.config.loading import input_files
 from radcal.errors import ConfigError, SceneError
 from radcal.radar.projection import make_geometry
-from radcal.scene.model import Scene, read_scene, write_scene
+from radcal.scene.model import Scene
 from radcal.scene.objects import Objects
 from radcal.standing.cross_sections import cross_sections, towards
 
@@ -144,8 +144,8 @@ def test_tables_are_in_the_scenes_file_and_in_its_identity(tmp_path):
     one = np.zeros(1)
     some = Objects(one, one, one, one, one, one, one + np.nan, np.zeros(1, np.int16), tables=tables)
     scene = Scene("flat", ("ground",), np.ones((8, 8), np.uint8), np.zeros((8, 8)), 1.0, objects=some)
-    write_scene(tmp_path / "scene.h5", scene)
-    found = read_scene(tmp_path / "scene.h5").objects
+    scene.write(tmp_path / "scene.h5")
+    found = Scene.read(tmp_path / "scene.h5").objects
     assert found.identity == some.identity
     assert found.classes == ("corner", "plate")
     first = next(iter(tables))

@@ -15,9 +15,16 @@ from sealed import changed, flip, seal
 
 from radcal.config.stages import SCHEMAS
 from radcal.errors import DamagedError, StoreError
-from radcal.storage.inspection import inspect, set_aside
-from radcal.storage.provenance import provenance
-from radcal.storage.records import plain_hdf5, read_hdf5, read_json, write_hdf5, write_json
+from radcal.storage.records import (
+    inspect,
+    plain_hdf5,
+    provenance,
+    read_hdf5,
+    read_json,
+    set_aside,
+    write_hdf5,
+    write_json,
+)
 
 X = np.arange(3000, dtype=np.float32)
 

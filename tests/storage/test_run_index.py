@@ -5,8 +5,7 @@ import pytest
 
 from radcal.errors import StoreError
 from radcal.storage.records import read_json, write_json
-from radcal.storage.run_index import IndexedRun, indexed, read_index, write_index
-from radcal.storage.runs import Record, RunStore
+from radcal.storage.runs import IndexedRun, Record, RunStore, indexed, read_index, write_index
 
 X = {"dyke": [0.1 + 0.2, 1e-300], "road": [3.0]}
 

@@ -10,8 +10,7 @@ from radcal.inference.misfit import BinMisfit
 from radcal.laws import LAWS, law_for
 from radcal.registration.registered import Registered
 from radcal.targets import target_fit
-from radcal.targets.bin_target import bin_targets
-from radcal.targets.target_fit import HELD_OUT
+from radcal.targets.target_fit import HELD_OUT, bin_targets
 
 
 def test_ground_is_held_out_in_whole_blocks(parts):

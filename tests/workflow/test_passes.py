@@ -11,8 +11,8 @@ import radcal
 from radcal.calibration.loop import calibrate
 from radcal.config import load
 from radcal.objectives.history import read_runs
-from radcal.simulators.sources import make_runners
-from radcal.storage.run_index import read_index
+from radcal.simulators.runner import make_runners
+from radcal.storage.runs import read_index
 from radcal.targets.target import read_targets
 
 TRUTH = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "warp_px": 0}

@@ -8,19 +8,19 @@ from workflow_project import COLUMNS, ROWS, write_raster
 
 from radcal.calibration.loop import calibrate, register_rounds
 from radcal.config import load
-from radcal.image.model import read_measurement
+from radcal.image.model import Measurement
 from radcal.objectives.history import read_runs
 from radcal.radar.geometry import read_geometry
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
-from radcal.registration.registered import read_registered
-from radcal.scene.model import read_scene
+from radcal.registration.registered import Registered
+from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 from radcal.simulators.builtin import BuiltinSimulator
-from radcal.simulators.sources import make_runners
+from radcal.simulators.runner import make_runners
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_json
-from radcal.storage.run_index import read_index
+from radcal.storage.runs import read_index
 from radcal.targets.target import read_targets
 
 MOVED = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 1}
@@ -55,16 +55,16 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     assert len(run.draws) == 1
     assert run.parameters["field"] == laws["field"] == table[["X1", "X2", "X3", "X4"]].to_numpy()[1].tolist()
     assert "second registration" in summary["registration"]["verdict"]
-    first, registered = (read_registered(out / f"passes/1/{name}registered.h5") for name in ("first/", ""))
+    first, registered = (Registered.read(out / f"passes/1/{name}registered.h5") for name in ("first/", ""))
     assert registered.correlation > first.correlation
     assert "second" not in first.verdict
 
     # the same in one process
     monkeypatch.chdir(project.folder)
-    case, scene = load(["tiny.yaml"]), read_scene(out / "scene.h5")
+    case, scene = load(["tiny.yaml"]), Scene.read(out / "scene.h5")
     geometry = read_geometry(out / "passes/1/geometry.h5")
     runners = make_runners(case, out / "scene.h5", [out / "passes/1/geometry.h5"], tmp_path / "runs")
-    again, made = register_rounds(case, runners, geometry, read_measurement(out / "passes/1/measurement.h5"), scene)
+    again, made = register_rounds(case, runners, geometry, Measurement.read(out / "passes/1/measurement.h5"), scene)
     assert same(again, registered)
     history, _ = calibrate(case, runners, read_targets([out / "passes/1/target.h5"]), registration=made)
     theirs = read_runs(
@@ -77,7 +77,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     project.write(**{**CASE, "registration": {"method": "gefolki", "rounds": 1}})
     project.ended("design", "--configfile", "tiny.yaml")
     assert project.records() == records
-    once = read_registered(out / "passes/1/registered.h5")
+    once = Registered.read(out / "passes/1/registered.h5")
     assert same(once, first)
     assert [run.kind for run in read_runs([out / "scores.json"]).runs] == ["reference", "design"]
 

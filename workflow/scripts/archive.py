@@ -6,13 +6,12 @@ from radcal.posterior.result import Image, Posterior
 from radcal.products.tables import write_runs
 from radcal.proposals.surrogate import read_trainings
 from radcal.radar.geometry import read_geometry
-from radcal.registration.registered import read_registered
-from radcal.results.archive import write_archive
+from radcal.registration.registered import Registered
 from radcal.results.results import archive_of
-from radcal.scene.model import read_scene
+from radcal.scene.model import Scene
 from radcal.session.jobs import job
-from radcal.storage.records import read_item, write_json, write_listing
-from radcal.storage.run_index import indexed
+from radcal.storage.records import write_json, write_listing
+from radcal.storage.runs import indexed
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
@@ -20,13 +19,13 @@ with job(snakemake) as case:
     targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
-    images = [read_registered(path) for path in snakemake.input.registered]
-    each = [read_item(path, "posterior", Posterior) for path in snakemake.input.posterior]
-    image, scene = read_item(snakemake.input.image, "image", Image), read_scene(snakemake.input.scene)
+    images = [Registered.read(path) for path in snakemake.input.registered]
+    each = [Posterior.read(path) for path in snakemake.input.posterior]
+    image, scene = Image.read(snakemake.input.image), Scene.read(snakemake.input.scene)
     trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
     noted = bounces_outside([bounces_on(read_geometry(path), targets[0]) for path in snakemake.input.geometry])
     archive = archive_of(case, history, scene, geometry, images, targets, runs, final, each, image, trained, noted)
-    write_archive(snakemake.output.archive, archive)
+    archive.write(snakemake.output.archive)
     write_runs(snakemake.output.table, archive)
     write_listing(snakemake.output.checksum, [snakemake.output.table])
     write_json(snakemake.output.stop, case.stop.model_dump())

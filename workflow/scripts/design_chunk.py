@@ -3,8 +3,8 @@
 from radcal.calibration.steps import called, design_line, run_all_draws
 from radcal.proposals.design import design_points
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runners
-from radcal.storage.run_index import IndexedRun, read_index, write_index
+from radcal.simulators.runner import make_runners
+from radcal.storage.runs import IndexedRun, read_index, write_index
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:

@@ -2,17 +2,20 @@
 
 from radcal.products.export import write_export
 from radcal.radar.geometry import read_geometry
-from radcal.registration.registered import read_registered
+from radcal.registration.registered import Registered
 from radcal.results.archive import read_archive
-from radcal.scene.model import read_scene
+from radcal.scene.model import Scene
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_simulator
+from radcal.simulators.runner import make_simulator
 from radcal.storage.records import write_listing
 
 with job(snakemake) as case:
-    scene, geometries = read_scene(snakemake.input.scene), [read_geometry(path) for path in snakemake.input.geometry]
+    scene, geometries = (
+        Scene.read(snakemake.input.scene),
+        [read_geometry(path) for path in snakemake.input.geometry],
+    )
     archive = read_archive(snakemake.input.archive)
-    registered = [read_registered(path) for path in snakemake.input.registered]
+    registered = [Registered.read(path) for path in snakemake.input.registered]
     final, runs = snakemake.input.final, snakemake.params.runs
     external = case.simulator.only_parameters  # whose own input is exported
     simulator = make_simulator(case, geometries[0], snakemake.input.geometry[0]) if external else None

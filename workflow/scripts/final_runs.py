@@ -3,8 +3,8 @@
 from radcal.calibration.steps import all_parameters, called, noise_seed, not_fresh
 from radcal.objectives.history import read_search
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runners
-from radcal.storage.run_index import IndexedRun, write_index
+from radcal.simulators.runner import make_runners
+from radcal.storage.runs import IndexedRun, write_index
 from radcal.words import sentence
 
 with job(snakemake) as case:

@@ -3,8 +3,8 @@
 from radcal.calibration.steps import called, proposed, run_all_draws
 from radcal.objectives.history import read_proposals
 from radcal.session.jobs import job
-from radcal.simulators.sources import make_runners
-from radcal.storage.run_index import IndexedRun, write_index
+from radcal.simulators.runner import make_runners
+from radcal.storage.runs import IndexedRun, write_index
 
 with job(snakemake) as case:
     runners = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)

@@ -5,21 +5,20 @@ from radcal.assessment.observation import observe, simulated_of
 from radcal.objectives import make_objectives
 from radcal.objectives.history import read_search
 from radcal.radar.geometry import read_geometry
-from radcal.registration.registered import read_registered
-from radcal.scene.model import read_scene
+from radcal.registration.registered import Registered
+from radcal.scene.model import Scene
 from radcal.session.jobs import job, progress
-from radcal.storage.records import write_item
-from radcal.storage.run_index import indexed
+from radcal.storage.runs import indexed
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    targets, scene = read_targets(snakemake.input.target), read_scene(snakemake.input.scene)
+    targets, scene = read_targets(snakemake.input.target), Scene.read(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]
     final = [(run, run_x) for run, run_x in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
     simulated = simulated_of(case, scene, geometries, final, snakemake.params.draws)
     cells = [
-        observe(one, geometry, read_registered(path), images, found.levels, scene)
+        observe(one, geometry, Registered.read(path), images, found.levels, scene)
         for one, geometry, path, images, found in zip(
             case.passes, geometries, snakemake.input.registered, simulated, targets, strict=True
         )
@@ -29,5 +28,5 @@ with job(snakemake) as case:
     objectives = make_objectives(case, targets)
     for name, path in zip(case.calibrated, snakemake.output.posterior, strict=True):
         progress(f"posterior: the law of {name} is sampled ...")
-        write_item(path, "posterior", posterior_of(case, targets, history, objectives[name], cells, image))
-    write_item(snakemake.output.image, "image", image)
+        posterior_of(case, targets, history, objectives[name], cells, image).write(path)
+    image.write(snakemake.output.image)

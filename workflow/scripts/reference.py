@@ -1,18 +1,18 @@
 """Simulate the starting parameters: one run, which also tests the setup."""
 
 from radcal.calibration.steps import reference_runs, repeatability
-from radcal.image.model import read_measurement
+from radcal.image.model import Measurement
 from radcal.programs.command_plan import changed_links
 from radcal.session.jobs import job, progress
 from radcal.simulators.declared_scale import check_scale
-from radcal.simulators.sources import make_runners
-from radcal.storage.run_index import IndexedRun, write_index
+from radcal.simulators.runner import make_runners
+from radcal.storage.runs import IndexedRun, write_index
 from radcal.words import sentence
 
 with job(snakemake) as case:
     runners = make_runners(case.at_start, snakemake.input.scene, [snakemake.input.geometry], snakemake.params.runs)
     first, *again = [record for (record,) in reference_runs(case, runners)]
-    check_scale(first.image_db, read_measurement(snakemake.input.measurement).image_db, case)
+    check_scale(first.image_db, Measurement.read(snakemake.input.measurement).image_db, case)
     differences = [first.largest_difference_db(record) for record in again]
     start = case.start_parameters
     repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]

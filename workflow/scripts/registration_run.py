@@ -2,9 +2,9 @@
 
 from radcal.calibration.steps import all_parameters, called, run_all_draws
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runners
+from radcal.simulators.runner import make_runners
 from radcal.storage.records import read_json, understood
-from radcal.storage.run_index import IndexedRun, write_index
+from radcal.storage.runs import IndexedRun, write_index
 
 with job(snakemake) as case:
     runners = make_runners(case, snakemake.input.scene, [snakemake.input.geometry], snakemake.params.runs)

@@ -4,8 +4,7 @@ import os
 from pathlib import Path
 
 from radcal.figures.figures import write_figures
-from radcal.page.html import write_report
-from radcal.page.provenance import provenance_of
+from radcal.page.html import provenance_of, write_report
 from radcal.results.archive import read_archive
 from radcal.results.summary import sentences, summarise
 from radcal.session.jobs import COMMAND, job, progress

@@ -2,8 +2,8 @@
 
 from radcal.calibration.reuse import reuse_runs
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runners
-from radcal.storage.run_index import write_index
+from radcal.simulators.runner import make_runners
+from radcal.storage.runs import write_index
 
 with job(snakemake) as case:
     runner, *_ = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)

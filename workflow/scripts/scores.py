@@ -4,7 +4,7 @@ from radcal.calibration.scoring import score, score_reference
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, write_runs
 from radcal.session.jobs import job, progress
-from radcal.storage.run_index import in_all_passes, indexed
+from radcal.storage.runs import in_all_passes, indexed
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:

@@ -4,7 +4,7 @@ from radcal.config.disclosure import disclosed
 from radcal.radar.geometry import read_geometry
 from radcal.sections.simulator import SIMULATORS
 from radcal.session.jobs import job
-from radcal.simulators.sources import make_simulator
+from radcal.simulators.runner import make_simulator
 from radcal.storage.records import write_json
 
 with job(snakemake) as case:

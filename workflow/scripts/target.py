@@ -3,19 +3,19 @@
 from radcal.objectives import objective_class
 from radcal.radar.geometry import read_geometry
 from radcal.registration.height_shift import with_height_finding
-from radcal.registration.registered import read_registered
-from radcal.scene.model import read_scene
+from radcal.registration.registered import Registered
+from radcal.scene.model import Scene
 from radcal.session.jobs import job, progress
-from radcal.storage.run_index import indexed
+from radcal.storage.runs import indexed
 from radcal.targets.target import write_targets
 from radcal.targets.target_fit import make_targets
 from radcal.words import sentence
 
 with job(snakemake) as case:
     reference, _ = next(indexed([snakemake.input.reference], snakemake.params.runs, case.calibrated, image=True))
-    registered = read_registered(snakemake.input.registered)
+    registered = Registered.read(snakemake.input.registered)
     geometry = read_geometry(snakemake.input.geometry)
-    scene = read_scene(snakemake.input.scene)
+    scene = Scene.read(snakemake.input.scene)
     misfit, partly = objective_class(case.objective).misfit, snakemake.wildcards.p != "1"
     targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
     write_targets(snakemake.output.target, targets)

@@ -6,7 +6,7 @@ from radcal.objectives import make_objectives
 from radcal.objectives.history import History, read_proposals, read_search, write_runs
 from radcal.proposals.surrogate import write_trainings
 from radcal.session.jobs import job, progress
-from radcal.simulators.sources import make_runners
+from radcal.simulators.runner import make_runners
 from radcal.targets.target import read_targets
 
 with job(snakemake) as case:

@@ -13,8 +13,7 @@ from radcal.sections.measurement import within
 from radcal.seeds import draw_seeds
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest, first_difference
-from radcal.storage.run_index import IndexedRun
-from radcal.storage.runs import RunStore
+from radcal.storage.runs import IndexedRun, RunStore
 
 logger = logging.getLogger(__name__)
 

@@ -9,8 +9,7 @@ from dataclasses import replace
 from functools import partial
 from types import MappingProxyType
 
-from radcal.calibration.noise import scatter
-from radcal.calibration.scoring import score
+from radcal.calibration.scoring import scatter, score
 from radcal.calibration.stopping import decide, runs_left
 from radcal.config import Material, Stop
 from radcal.config.part import Part

@@ -7,10 +7,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, outlook
-from radcal.checking.unregistered import cells_of, fixed_laws, unreachable
+from radcal.checking.outlook import bright_laws, cells_of, fixed_laws, hidden_ground, high_noise, outlook, unreachable
 from radcal.config import Case, FileMeasurement, input_files, load_with_problems
-from radcal.config.inputs import check_reuse, missing_inputs
+from radcal.config.loading import check_reuse, missing_inputs
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
@@ -26,7 +25,7 @@ from radcal.radar.geometry import Geometry
 from radcal.reading.base import reader_of
 from radcal.scene.model import Scene
 from radcal.sections.measurement import starts_as_truth
-from radcal.session.replacement import check_replacement
+from radcal.session.salvage import check_replacement
 from radcal.words import sentence
 
 Say = Callable[[str], None]
@@ -264,9 +263,8 @@ def _check_pass(
 
 def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measurement | None:
     """Measured image of a pass; None for a synthetic one that an external program or a long run would make."""
-    from radcal.measurement.sources import make_measurement
-    from radcal.measurement.synthetic import check_synthetic
-    from radcal.simulators.sources import make_simulator
+    from radcal.measurement.sources import check_synthetic, make_measurement
+    from radcal.simulators.runner import make_simulator
 
     stage = STAGES["measurement"].of(one)
     simulator: Any = None  # a file needs none

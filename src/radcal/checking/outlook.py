@@ -1,17 +1,26 @@
-"""Outlook on a calibration without a run: contrast of the start image, ground, levels and noise."""
+"""Outlook on a calibration without a run: contrast of the start image, ground, levels and noise.
+
+The model of the assessment tells what the image before registration says of fixed materials and of bounds of X.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from radcal.checking.unregistered import start_image
+from radcal.assessment.conclusion import image_findings
+from radcal.assessment.model import image_of
+from radcal.assessment.observation import observe
 from radcal.config import Case, FileMeasurement, Material, SyntheticMeasurement
-from radcal.errors import MeasurementError
+from radcal.config.stages import STAGES
+from radcal.errors import ConfigError, MeasurementError
 from radcal.findings import Finding, of_pass
+from radcal.ground.levels import Levels
 from radcal.ground.pixels import (
     IN_THE_NOISE,
     MANY_IN_NOISE,
@@ -22,18 +31,122 @@ from radcal.ground.pixels import (
 )
 from radcal.image.base import opened
 from radcal.image.model import Measurement
+from radcal.posterior.cells import CellMeans, Simulated
 from radcal.posterior.curves import NORMAL_90
-from radcal.radar.geometry import Geometry
-from radcal.radar.radiometry import noise_floor_db
-from radcal.registration.registered import LEAST_CONTRAST_DB, contrast_db
+from radcal.posterior.fixed_laws import apart_db
+from radcal.radar.geometry import Geometry, noise_floor_db
+from radcal.registration.registered import LEAST_CONTRAST_DB, Registered, contrast_db
 from radcal.scene.model import Scene
+from radcal.sections.simulator import BuiltinSimulation
+from radcal.simulators.builtin import BuiltinSimulator
 from radcal.tables.landcover import brightest_db
+from radcal.targets.reach import check_level
 
 _MOST_HIDDEN, _STEEPEST_DEG = 0.5, 35.0  # more hidden ground and steeper slopes (median) are rare, even in mountains
 _MIDDLE_DEG = 45.0  # incidence at which the gamma of a law is compared with those of terrain
 _BRIGHTER_DB = 6.0  # the source of those adds 5 log10(f / 10 GHz) to gamma, at most 5 dB below 100 GHz
 # units of heights that are taken for metres, with the factors that convert them to metres
 _UNITS = {"feet": 0.3048, "decimetres": 0.1, "centimetres": 0.01}
+_MOVED_PX = 2.0  # displacement for which the margin to other ground is widened before registration
+_STEPS = 100  # of the sampler, of which the assessment makes more
+
+
+def start_image(case: Case, geometry: Geometry) -> NDArray[np.float32]:
+    """Expected image of the starting laws by the built-in simulator, with noise and without speckle [dB].
+
+    Materials whose law has no curve are left out.
+    """
+    laws = {name: law for name, law in case.at_start.laws.items() if law.has_curve}
+    return BuiltinSimulator(geometry, case.radar, laws).expected(case.start_parameters)
+
+
+def _moved_px(case: Case, geometry: Geometry) -> NDArray[np.float32]:
+    """Standard error of the image's place, by which the margin to other ground is widened [pixels]."""
+    return np.full(geometry.shape, 0.0 if case.registration.method == "none" else _MOVED_PX, dtype=np.float32)
+
+
+def cells_of(case: Case, geometry: Geometry, measured: Measurement, scene: Scene) -> dict[str, CellMeans]:
+    """Cells of all materials in one pass, from the image before registration and the expected image at the start.
+
+    Parameters
+    ----------
+    case : Case
+        One pass of the case; for normalised images, which are not in dB, there are no cells.
+    geometry : Geometry
+        Geometry of the pass.
+    measured : Measurement
+        Measured image before registration.
+    scene : Scene
+        Scene, whose connected areas are the fields.
+    """
+    if case.target.normalisation == "image":
+        return {}
+    stage = STAGES["posterior"].of(case.at_start).model_copy(update={"simulator": BuiltinSimulation()})
+    still, image = np.zeros((2, *geometry.shape), dtype=np.float32), measured.image_db
+    registered = Registered(measured, image, still, _moved_px(case, geometry), 0.0, "none", False, "")
+    simulated = Simulated(start_image(case, geometry), case.start_parameters)
+    return observe(stage, geometry, registered, [simulated], Levels(), scene)
+
+
+def fixed_laws(case: Case, cells: Sequence[Mapping[str, CellMeans]]) -> list[Finding]:
+    """Findings on the images of all passes: level of each fixed material, then those of the assessment.
+
+    Parameters
+    ----------
+    case : Case
+        The case.
+    cells : sequence of mapping
+        Result of :func:`cells_of` for each pass, none of them empty.
+    """
+    steps = min(case.uncertainty.steps, _STEPS)
+    short = case.model_copy(update={"uncertainty": case.uncertainty.model_copy(update={"steps": steps})})
+    image = image_of(STAGES["posterior"].of(short), cells)
+    levels = [
+        one
+        for number, (of, own) in enumerate(zip(case.passes, cells, strict=True), start=1)
+        for one in of_pass([_level(of, x, own[x]) for x in case.reference_materials if x in own], number, len(cells))
+    ]
+    model = image_findings(STAGES["archive"].of(case), replace(image, sampled=True))
+    return [*levels, *(one for one in model if one.code != "fixed_law_and_image")]  # which the level tells already
+
+
+def _level(case: Case, name: str, cells: CellMeans) -> Finding:
+    """Mean of image minus law over the cells of a fixed material, with the 90 % interval by speckle and fields.
+
+    It is a warning where errors of the fixed law and of the image's level of the size that section ``uncertainty``
+    gives do not explain it.
+    """
+    budget = case.uncertainty
+    law_db = np.asarray(case.laws[name](np.radians(cells.incidence_deg), case.start_parameters[name]))
+    low, apart, high = apart_db(cells, cells.above_db(law_db), budget.field_db).tolist()
+    explained = np.hypot(0.5 * (high - low), NORMAL_90 * np.hypot(budget.fixed_law_db, budget.level_db))
+    warned = case.target.normalisation == "none" and abs(apart) > explained
+    numbers = {"apart_db": apart, "p05_db": low, "p95_db": high}
+    return Finding("fixed_level", "warning" if warned else "note", name, numbers, f"materials.{name}.parameters")
+
+
+def unreachable(case: Case, geometry: Geometry, measured: Measurement) -> list[ConfigError]:
+    """Errors about bounds of X inside which a law cannot reach the measured level (:func:`.check_level`).
+
+    Parameters
+    ----------
+    case, geometry, measured
+        Arguments of :func:`cells_of`; where a level is removed, it is not known before the reference run.
+    """
+    found = list[ConfigError]()
+    noise = np.broadcast_to(noise_floor_db(case.radar, geometry.flat_incidence_deg)[:, None], geometry.shape).ravel()
+    for name, law in case.laws.items() if case.target.normalisation == "none" else ():
+        if name not in case.calibrated or name not in geometry.names or not law.has_curve:
+            continue
+        try:
+            pixels = eligible_pixels(name, geometry, measured, case.target, _moved_px(case, geometry)).pixels
+            angle, values = (image.ravel()[pixels] for image in (geometry.incidence_deg, measured.image_db))
+            check_level(case, name, angle, values, float(noise[pixels].mean()))
+        except MeasurementError:  # too few pixels
+            continue
+        except ConfigError as error:
+            found.append(error)
+    return found
 
 
 def outlook(case: Case, geometry: Geometry, measured: Measurement | None) -> list[Finding]:

@@ -11,17 +11,10 @@ from typing import Self
 from pydantic import Field, field_validator, model_validator
 
 from radcal.bands import WIDTH_FACTOR, same_label
-from radcal.config.fitting_defaults import (
-    with_colours,
-    with_fitting_draws,
-    with_fitting_measurement,
-    with_fitting_stop,
-    with_starting_laws,
-)
+from radcal.config.fitting_defaults import fitting_defaults, with_starting_laws
 from radcal.config.part import Measurements, Part, Radars
 from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
-from radcal.sections.base import PASSES, CaseName
-from radcal.sections.errors import Mistake, Wrong, key_in_list, mistakes_of, nearest
+from radcal.sections.base import PASSES, CaseName, Mistake, Wrong, key_in_list, mistakes_of, nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
 from radcal.sections.measurement import (
@@ -31,7 +24,7 @@ from radcal.sections.measurement import (
     Synthetic,
     SyntheticMeasurement,
 )
-from radcal.sections.objectives import DEFAULT, OBJECTIVES, SINGLE, Objective, names
+from radcal.sections.objectives import DEFAULT, OBJECTIVES, Objective, names
 from radcal.sections.ppi import Gmti, Ppi, Products
 from radcal.sections.radar import Radar, Signals
 from radcal.sections.scene import BuiltinScene, SceneConfig
@@ -93,25 +86,13 @@ class Case(Part):
 
     @model_validator(mode="before")
     @classmethod
-    def _fitting_defaults(cls, data: object) -> object:
-        """Case data with default values that depend on other keys.
+    def _starting_laws(cls, data: object) -> object:
+        return with_starting_laws(data) if isinstance(data, dict) else data
 
-        A missing ``objective`` becomes ``density`` if the case has a single incidence-angle bin, normalisation
-        ``image`` or a calibrated material with law ``external``.
-        """
-        if not isinstance(data, dict):
-            return data
-        data = with_colours(with_starting_laws(data))
-        data = with_fitting_measurement(with_fitting_stop(data))
-        if "objective" in data:
-            return with_fitting_draws(data)
-        target, materials = (data[key] if isinstance(data.get(key), dict) else {} for key in ("target", "materials"))
-        alone = target.get("incidence_classes") in (1, "1") or target.get("normalisation") == "image"
-        outside = any(
-            isinstance(item, dict) and item.get("calibrate") and item.get("law") == EXTERNAL
-            for item in materials.values()
-        )
-        return with_fitting_draws({**data, "objective": SINGLE} if alone or outside else data)
+    @model_validator(mode="after")
+    def _fitting_defaults(self) -> Self:
+        self.__dict__.update(fitting_defaults(self))  # the model is frozen once it is made
+        return self
 
     @field_validator("materials")
     @classmethod

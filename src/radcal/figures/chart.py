@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from radcal.figures.colours import head
-from radcal.figures.drawing import BAND, Array, Drawn, add_legend, new_canvas
+from radcal.figures.drawing import BAND, Array, Drawn, add_legend, head, new_canvas
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:

@@ -11,8 +11,7 @@ import scipy
 
 from radcal import skewnormal
 from radcal.figures import drawing
-from radcal.figures.colours import colour_of, head
-from radcal.figures.drawing import Array, Drawn, add_legend, mark, new_canvas, short, shortened
+from radcal.figures.drawing import Array, Drawn, add_legend, colour_of, head, mark, new_canvas, short, shortened
 from radcal.results.archive import Archive, MaterialResult
 from radcal.words import ENDINGS
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from radcal.figures.colours import head
-from radcal.figures.drawing import FOUND, MUTED, PALE, START, Array, Drawn, add_legend, new_canvas
+from radcal.figures.drawing import FOUND, MUTED, PALE, START, Array, Drawn, add_legend, head, new_canvas
 from radcal.results.archive import Archive, Fidelity
 
 _STATISTICS = (("mean", "#0072B2", "o"), ("log sd", "#D55E00", "s"), ("skewness", "#009E73", "^"))

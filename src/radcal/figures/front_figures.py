@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from radcal.figures.colours import head
-from radcal.figures.drawing import RUNS, Array, Drawn, add_legend, new_canvas, short
+from radcal.figures.drawing import RUNS, Array, Drawn, add_legend, head, new_canvas, short
 from radcal.results.archive import Archive
 
 _LEAST = 1e-12  # smaller sums of squares are drawn at this value

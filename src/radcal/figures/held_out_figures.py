@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from radcal.figures.colours import head
-from radcal.figures.drawing import BAND, MUTED, START, TARGET, Drawn, add_legend, new_canvas
+from radcal.figures.drawing import BAND, MUTED, START, TARGET, Drawn, add_legend, head, new_canvas
 from radcal.results.archive import Archive
 
 

@@ -10,8 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import Array, Drawn, add_fills, label, new_canvas
+from radcal.figures.drawing import Array, Drawn, add_fills, colours_of, label, new_canvas, of_ids
 from radcal.results.archive import Archive
 
 if TYPE_CHECKING:

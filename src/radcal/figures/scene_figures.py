@@ -8,8 +8,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radcal.figures.colours import colours_of, of_ids
-from radcal.figures.drawing import SIGMA0, Drawn, add_fills, label, new_canvas
+from radcal.figures.drawing import SIGMA0, Drawn, add_fills, colours_of, label, new_canvas, of_ids
 from radcal.figures.map_figures import add_arrows, axis_labels, image_extent, panels_for
 from radcal.results.archive import Archive
 from radcal.scene.crs import crs_from

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from radcal.findings import Finding
-from radcal.storage.records import read_item, write_item
+from radcal.storage.records import Stored
 
 
 @dataclass(frozen=True)
-class Measurement:
+class Measurement(Stored, kind="measurement"):
     """Measured image with as many rows and columns as the simulated image of the scene.
 
     Attributes
@@ -37,13 +36,3 @@ class Measurement:
     hidden: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     misregistration_px: NDArray[np.float32] | None = None
     findings: tuple[Finding, ...] = ()
-
-
-def write_measurement(path: str | Path, measurement: Measurement) -> None:
-    """Write a measurement to HDF5, atomically."""
-    write_item(path, "measurement", measurement)
-
-
-def read_measurement(path: str | Path) -> Measurement:
-    """Read a measurement that :func:`write_measurement` wrote; raises the errors of :func:`.read_hdf5`."""
-    return read_item(path, "measurement", Measurement)

@@ -1,9 +1,13 @@
-"""Misfit of a law to measured pixels, as residuals in standard deviations: from statistics or from a likelihood."""
+"""Misfit of a law to measured pixels, as residuals in standard deviations: from statistics or from a likelihood.
+
+Law, noise and speckle alone give expected cumulants of incidence-angle bins. A field has the same effect in all passes.
+"""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import ClassVar, Literal
 
@@ -11,10 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.ground.bins import Classes, class_of
-from radcal.ground.ground import Ground
+from radcal.ground.ground import Classes, Ground, class_of
 from radcal.ground.patches import Spread
-from radcal.inference.expected import expected_cumulants, law_cumulants
 from radcal.inference.incidence_error import attenuation, true_nodes
 from radcal.inference.moments import from_cumulants, sampling_covariance
 from radcal.laws import Law
@@ -27,6 +29,92 @@ _LOG_SD_PATCH = 0.1  # standard deviation of a field's log sd: the looks of fiel
 _BIN_DB = 0.5
 _LEVELS = 8  # levels [dB] that represent an incidence-angle bin
 Doubles = NDArray[np.float64]
+
+
+def law_cumulants(
+    law: Law, parameters: ArrayLike, nodes_deg: NDArray[np.float64], noise_db: float = -np.inf
+) -> NDArray[np.float64]:
+    """Mean [dB], variance [dB^2] and third central moment [dB^3] of a law over the angles of each bin.
+
+    Parameters
+    ----------
+    law : Law
+        Backscatter law with a curve.
+    parameters : array_like, shape (d,) or (k, d)
+        Parameters X of the law; one X, or k.
+    nodes_deg : ndarray, shape (n, m)
+        Equally likely angles that represent each incidence-angle bin [deg].
+    noise_db : float
+        Noise-equivalent backscatter [dB], whose power is added to the power of the law.
+
+    Returns
+    -------
+    ndarray, shape (n, 3), or (k, n, 3) for k X
+    """
+    per_neper = 10.0 / np.log(10.0)
+    phi, x = np.radians(nodes_deg), np.asarray(parameters, dtype=np.float64)
+    level = law(phi, x) if x.ndim == 1 else np.stack([law(phi, one) for one in x])
+    if np.isfinite(noise_db):
+        level = per_neper * np.logaddexp(level / per_neper, noise_db / per_neper)
+    mean = level.mean(axis=-1)
+    left = level - mean[..., None]
+    return np.stack([mean, (left**2).mean(axis=-1), (left**3).mean(axis=-1)], axis=-1)
+
+
+@dataclass(frozen=True)
+class LawForward:
+    """Model of a run with law, noise and speckle alone; the cumulants of independent factors add in dB.
+
+    Attributes
+    ----------
+    law : Law
+        Backscatter law with a curve.
+    nodes_deg : ndarray, shape (n, m)
+        Angles that represent each incidence-angle bin [deg].
+    looks : float
+        Number of looks of the speckle.
+    noise_db : float
+        Noise-equivalent backscatter [dB].
+    """
+
+    law: Law
+    nodes_deg: NDArray[np.float64]
+    looks: float
+    noise_db: float = -np.inf
+
+    def __call__(self, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Cumulants of each incidence-angle bin, shape (n, 3), at one X, shape (d,); of k X, shape (k, n, 3)."""
+        return law_cumulants(self.law, parameters, self.nodes_deg, self.noise_db) + log_speckle_cumulants(self.looks)
+
+
+def expected_cumulants(
+    simulated: NDArray[np.float64],
+    nominal: float,
+    effective: float,
+    patch_variance: NDArray[np.float64] | float = 0.0,
+    shift: NDArray[np.float64] | float = 0.0,
+) -> NDArray[np.float64]:
+    """Simulated cumulants, converted to the material's looks, with variance of fields and error of incidence added.
+
+    Parameters
+    ----------
+    simulated : ndarray, shape (n, 3)
+        Mean [dB], variance [dB^2] and third central moment [dB^3] at the sensor's looks.
+    nominal, effective : float
+        Number of looks of the sensor, and effective number of looks of the material.
+    patch_variance : ndarray, shape (n,), or float
+        Variance inside each bin by the effects of fields (patches) and cells [dB^2].
+    shift : ndarray, shape (n, 3), or float
+        Change of the cumulants by an error of the local incidence.
+
+    Returns
+    -------
+    ndarray, shape (n, 3)
+        Expected cumulants; the variance is at least a thousandth of the simulated variance.
+    """
+    found = simulated + (log_speckle_cumulants(effective) - log_speckle_cumulants(nominal)) + shift
+    found[:, 1] = np.maximum(found[:, 1] + patch_variance, 1e-3 * simulated[:, 1])
+    return np.asarray(found)
 
 
 def drawn(values: Doubles, target: Doubles, slack: Doubles | float) -> Doubles:
@@ -360,3 +448,49 @@ def true_angles(ground: Ground, classes: Classes, method: Method, nodes_deg: Dou
         error, rms = each[class_of(nodes_deg.mean(axis=1), classes.edges_deg)], float(np.sqrt(square.mean()))
     share = attenuation(mapped, error, rms)
     return true_nodes(nodes_deg, error, float(mapped.mean()), share)
+
+
+def together(misfits: Sequence[BinMisfit]) -> BinMisfit:
+    """Misfit of the bins of all passes, one pass after the other.
+
+    Fields with the same label are one field. The effect of a field on the level, its texture, and the shape of the
+    texture are the same in all passes. Parts of fields (cells) lie at different places in each image. The effects of
+    cells and the sampling errors are therefore independent in different passes.
+
+    Parameters
+    ----------
+    misfits : sequence of BinMisfit
+        Misfit of each pass; the standard deviations between and within fields are the same in all passes.
+
+    Returns
+    -------
+    BinMisfit
+        Misfit with the covariance of all passes, which does not shift expected statistics. With it, differences that
+        one effect of a field explains in all passes make the sum of squared residuals smaller; differences between
+        passes on one field make the sum larger.
+    """
+    every = [one.classes for one in misfits]
+    patches = np.unique(np.concatenate([one.patches for one in misfits]))
+    columns = [np.searchsorted(patches, one.patches) for one in misfits]
+    shares = np.zeros((sum(one.size for one in every), patches.size))
+    ends = np.cumsum([0, *(one.size for one in every)])
+    for one, own, start in zip(misfits, columns, ends[:-1], strict=True):
+        shares[start : start + one.classes.size, own] = one.patch_share
+    nodes = np.concatenate([one.nodes_deg for one in every])
+    return replace(
+        misfits[0],
+        classes=Classes(
+            edges_deg=np.concatenate([one.edges_deg for one in every]),
+            member=np.concatenate([one.member + start for one, start in zip(every, ends[:-1], strict=True)]),
+            count=np.concatenate([one.count for one in every]),
+            pairs=np.stack([scipy.linalg.block_diag(*(one.pairs[k] for one in every)) for k in range(3)]),
+            cumulants=np.concatenate([one.cumulants for one in every]),
+            nodes_deg=nodes,
+            speckle_db2=np.concatenate([one.speckle_db2 for one in every]),
+        ),
+        patch_share=shares,
+        cell_share=scipy.linalg.block_diag(*(one.cell_share for one in misfits)),
+        patch_of_cell=np.concatenate([own[one.patch_of_cell] for one, own in zip(misfits, columns, strict=True)]),
+        true_deg=nodes,
+        patches=patches,
+    )

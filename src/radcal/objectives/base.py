@@ -13,10 +13,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Stop
 from radcal.findings import Finding
-from radcal.ground.bins import Classes
-from radcal.inference.expected import LawForward
-from radcal.inference.law_fit import LOOKS
-from radcal.inference.misfit import BinMisfit, Misfit
+from radcal.ground.ground import Classes
+from radcal.inference.misfit import BinMisfit, LawForward, Misfit
+from radcal.inference.pooled_laws import LOOKS
 from radcal.inference.priors import CurvePrior
 from radcal.laws import Law
 from radcal.objectives.history import Proposal, Score

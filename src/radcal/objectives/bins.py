@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Stop
 from radcal.errors import MeasurementError
-from radcal.inference.expected import LawForward
-from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method, Misfit
+from radcal.inference.misfit import BinMisfit, LawForward, LikelihoodMisfit, Method, Misfit
 from radcal.inference.moments import from_cumulants, to_cumulants
 from radcal.inference.pooled_laws import curve_prior, law_prior, limited
 from radcal.objectives.base import CalibratedMaterial, Doubles, Objective, PredictedPoints, Progress, SearchState

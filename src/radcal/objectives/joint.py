@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from radcal.inference.shared_fields import together
+from radcal.inference.misfit import together
 from radcal.objectives.base import Comparison, Doubles, Objective, PredictedPoints
 from radcal.objectives.history import Score
 from radcal.speckle.texture import equal_texture
@@ -19,7 +19,7 @@ class Joint(Comparison):
 
     Law and texture are shared: all passes have the same X, and looks that follow from the same texture
     (:func:`radcal.speckle.texture.equal_texture`). A field that lies in several passes has the same effect in all of
-    them (:mod:`radcal.inference.shared_fields`). The statistics of the bins are stacked in the order of the passes. The
+    them (:mod:`radcal.inference.misfit`). The statistics of the bins are stacked in the order of the passes. The
     priors enter only once, with the first pass.
 
     Parameters

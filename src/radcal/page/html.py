@@ -1,4 +1,7 @@
-"""HTML report: one self-contained page, ``report.html``."""
+"""HTML report: one self-contained page, ``report.html``.
+
+The page says when, by which command and from which files it was made.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +11,15 @@ import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from radcal import skewnormal
-from radcal.config import Material
+from radcal.config import Material, input_files
+from radcal.errors import RadcalError
 from radcal.figures.drawing import slugs
 from radcal.figures.figures import Figure
 from radcal.figures.map_figures import shots
@@ -23,9 +28,9 @@ from radcal.objectives.base import MET
 from radcal.page.plots import Interactive, embedded_library, interactive, packed, script
 from radcal.results.archive import Archive, MaterialResult
 from radcal.results.law_notes import at_bound
-from radcal.results.summary import summarise
+from radcal.results.summary import numbered_jobs, summarise, wall_seconds
 from radcal.sections.objectives import OBJECTIVES
-from radcal.storage.files import atomic
+from radcal.storage.files import atomic, file_sha256
 from radcal.words import (
     ENDINGS,
     STANDINGS,
@@ -51,6 +56,37 @@ _SPECKLED = 70  # of images of speckle alone
 _COLOURS = 64  # of figures of lines and letters
 _METHOD = 2  # effort of the WebP encoder, 0 to 6
 _DIAGNOSTICS = ("front", "fidelity", "histogram", "quality")  # figures for those who know the method
+
+
+def provenance_of(archive: Archive, folder: str | Path, command: str) -> dict[str, Any]:
+    """Provenance of a report that is made now.
+
+    Parameters
+    ----------
+    archive : Archive
+        Results of the calibration.
+    folder : path
+        ``results/<case>``.
+    command : str
+        Command line that makes the report.
+
+    Returns
+    -------
+    dict
+        ``date`` in UTC to the minute, ``command``, ``seconds`` of each stage of the workflow until the report [s], and
+        ``inputs``, name and SHA-256 of each input file by configuration key; empty if a file is no longer there.
+    """
+    try:
+        inputs = {key: (path.name, file_sha256(path)) for key, path in input_files(archive.configured).items()}
+    except (RadcalError, OSError):
+        inputs = {}
+    return {
+        "date": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
+        "command": command,
+        # the file of an earlier report is not counted
+        "seconds": wall_seconds(Path(folder) / "benchmarks", {**numbered_jobs(archive), "report": 0}),
+        "inputs": inputs,
+    }
 
 
 @dataclass(frozen=True)

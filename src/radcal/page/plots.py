@@ -23,8 +23,7 @@ from radcal.figures.drawing import BAND, FOUND, HIDDEN, MUTED, START, Array, sho
 from radcal.figures.law_figures import cost_chart, kinds, law_chart, positive, squares, texts
 from radcal.inference.moments import STATISTICS
 from radcal.posterior.cells import STEP_DEG
-from radcal.results.archive import Archive
-from radcal.results.bin_statistics import BinStatistics
+from radcal.results.archive import Archive, BinStatistics
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from radcal.laws import Law
 from radcal.posterior.curves import GRID_DEG, curves_of
 from radcal.posterior.effects import Shared
 from radcal.posterior.radiometry import Radiometry
+from radcal.storage.records import Stored
 
 Doubles = NDArray[np.float64]
 
@@ -244,7 +245,7 @@ class HeldOut:
 
 
 @dataclass(frozen=True)
-class Posterior:
+class Posterior(Stored, kind="posterior"):
     """Posterior of one material's law with d parameters: quantiles, curve of sigma0, error of the form, kept draws.
 
     Attributes
@@ -328,7 +329,7 @@ class Posterior:
 
 
 @dataclass(frozen=True)
-class Image:
+class Image(Stored, kind="image"):
     """What the fixed materials say of the measured images of p passes.
 
     Attributes

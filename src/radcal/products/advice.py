@@ -20,7 +20,7 @@ from radcal.posterior.result import Posterior
 from radcal.products.tables import aligned, write_csv
 from radcal.radar.projection import make_geometry
 from radcal.results.archive import Archive, read_finished
-from radcal.scene.model import Scene, read_scene
+from radcal.scene.model import Scene
 from radcal.tables.sensors import sensors
 from radcal.words import doubts, sentence
 
@@ -267,7 +267,7 @@ def advise(
     folder = Path(folder)
     if over_deg is not None and not 0.0 <= over_deg[0] < over_deg[1] <= 90.0:
         raise ConfigError(f"--between is {over_deg[0]:g} {over_deg[1]:g}, expected two increasing angles in 0 to 90.")
-    archive, scene = read_finished(folder), read_scene(folder / "scene.h5")
+    archive, scene = read_finished(folder), Scene.read(folder / "scene.h5")
     if scene.elevation_m is None:
         raise ConfigError(
             f"{folder}: the scene is in slant range, whose incidence is the same in every pass, expected a scene with "

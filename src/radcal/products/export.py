@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from radcal.config.part import Part
-from radcal.figures.colours import material_colours
+from radcal.figures.drawing import material_colours
 from radcal.figures.map_figures import gray_scale
 from radcal.ground.levels import without_level
 from radcal.products.geotiff import Classes, Layer, write_layers
@@ -32,8 +32,7 @@ from radcal.sections.materials import Material
 from radcal.seeds import noise_seed
 from radcal.simulators.base import Simulator
 from radcal.storage.files import atomic
-from radcal.storage.run_index import read_index, record_of
-from radcal.storage.runs import RunStore
+from radcal.storage.runs import RunStore, read_index, record_of
 
 _INPUT = "simulator_input"
 _MASK: Classes = {

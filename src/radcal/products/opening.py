@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from radcal.errors import StoreError
 from radcal.products.geotiff import SLANT_RANGE
-from radcal.storage.inspection import unreachable
-from radcal.storage.records import understood
+from radcal.storage.records import understood, unreachable
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -189,7 +188,7 @@ class Results:
         """Values of an exported image, its tags and CRS, and the six coefficients of its affine transform."""
         from rasterio.errors import RasterioError
 
-        from radcal.reading.rasters import open_raster
+        from radcal.reading.intake import open_raster
 
         if name not in self.images:
             raise StoreError(f"{self.folder / 'export'}: no image {name!r}, expected one of {self.images}.")

@@ -22,17 +22,16 @@ from radcal.products.geotiff import Layer, of_pass, write_layers
 from radcal.products.tables import aligned, write_csv
 from radcal.radar.geometry import Geometry, write_geometry
 from radcal.radar.projection import make_geometry
-from radcal.reading.rasters import open_raster
-from radcal.scene.model import Scene, write_scene
+from radcal.reading.intake import open_raster
+from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
-from radcal.sections.errors import nearest
+from radcal.sections.base import nearest
 from radcal.seeds import noise_seed
 from radcal.signals.sicd import write_sicd
 from radcal.simulators.forward import Forward, write_complex
-from radcal.simulators.runner import Runner
-from radcal.simulators.sources import runners_of
+from radcal.simulators.runner import Runner, runners_of
 from radcal.storage.files import digest
-from radcal.storage.provenance import provenance
+from radcal.storage.records import provenance
 from radcal.storage.runs import RunStore
 from radcal.words import sentence
 
@@ -89,7 +88,7 @@ def forward(
         if asked is not None:
             runners[0].require_looks(product)
         check(keys)
-        write_scene(folder / "scene.h5", scene)
+        scene.write(folder / "scene.h5")
         for path, geometry, one in zip(paths, geometries, case.passes, strict=True):
             write_geometry(path, geometry, one.radar)
         found = _images(started, runners, scene, geometries, RunStore(runs))

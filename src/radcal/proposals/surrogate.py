@@ -16,7 +16,7 @@ from radcal.inference.moments import STATISTICS, from_dp, to_dp
 from radcal.objectives import Comparison
 from radcal.proposals.kriging import JITTER, Kriging, baseline_factor, train
 from radcal.proposals.smt_kriging import train_smt
-from radcal.storage.records import read_item, write_item
+from radcal.storage.records import Stored
 
 _JUDGED = 4  # least number of runs with which leave-one-out errors decide whether the baseline is kept
 
@@ -284,7 +284,7 @@ def train_surrogate(
 
 
 @dataclass(frozen=True)
-class _Stored:
+class _Stored(Stored, kind="surrogate"):
     """Content of a file of surrogates: training by material."""
 
     materials: Mapping[str, Training]
@@ -292,7 +292,7 @@ class _Stored:
 
 def write_trainings(path: str | Path, trainings: Mapping[str, Training]) -> None:
     """Write the data and hyper-parameters of all materials' surrogates to an HDF5 file, atomically."""
-    write_item(path, "surrogate", _Stored(trainings))
+    _Stored(trainings).write(path)
 
 
 def read_trainings(path: str | Path) -> dict[str, Training]:
@@ -303,4 +303,4 @@ def read_trainings(path: str | Path) -> dict[str, Training]:
     StoreError
         The file is missing, damaged, or of another version or case.
     """
-    return dict(read_item(path, "surrogate", _Stored).materials)
+    return dict(_Stored.read(path).materials)

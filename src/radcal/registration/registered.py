@@ -19,7 +19,7 @@ from radcal.registration.displacement import squares, warp
 from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid
 from radcal.registration.spline_field import Prior
 from radcal.sections.measurement import REGISTRATIONS
-from radcal.storage.records import read_item, write_item
+from radcal.storage.records import Stored
 
 _SIGNIFICANT = 4.0  # standard errors
 _SMALLEST_PX = 64
@@ -34,7 +34,7 @@ _MIRRORED = 1.5  # times the correlation of mirrored images, which is due to cha
 
 
 @dataclass(frozen=True)
-class Registered:
+class Registered(Stored, kind="registered"):
     """Measured image on the pixels of the simulated image, with the result of the registration.
 
     Attributes
@@ -342,16 +342,6 @@ def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
     return found
 
 
-def write_registered(path: str | Path, registered: Registered) -> None:
-    """Write a registered image to HDF5, atomically."""
-    write_item(path, "registered", registered)
-
-
-def read_registered(path: str | Path) -> Registered:
-    """Read a registered image that :func:`write_registered` wrote; raises the errors of :func:`.read_hdf5`."""
-    return read_item(path, "registered", Registered)
-
-
 def registered_as(
     path: Path, predicted_db: NDArray[np.float32], found: Measurement, config: RegistrationConfig
 ) -> tuple[Registered, str]:
@@ -384,7 +374,7 @@ def registered_as(
         The image has nothing in common with the predicted one.
     """
     with contextlib.suppress(RadcalError):
-        stored = read_registered(path)
+        stored = Registered.read(path)
         if stored.method == config.method and np.array_equal(stored.unregistered_db, found.image_db, equal_nan=True):
             return stored, f"as in {path.parent}"
     return register(predicted_db, found, config), "onto the predicted image"

@@ -22,14 +22,11 @@ from radcal.findings import Finding
 from radcal.ground.levels import Levels, without_level
 from radcal.posterior.result import Image, Posterior
 from radcal.registration.registered import Registered
-from radcal.results.bin_statistics import BinStatistics
-from radcal.results.search_front import SearchFront
 from radcal.sections.objectives import OBJECTIVES
-from radcal.storage.dataclass_groups import put, table, take
-from radcal.storage.records import read_hdf5, write_hdf5
+from radcal.storage.dataclass_groups import table
+from radcal.storage.records import Stored
 from radcal.targets.target import Target
 
-_KIND = "calibration"
 UNLISTED = (Registered, Target)
 """Classes whose fields the table of the layout does not list."""
 
@@ -87,6 +84,56 @@ class Fidelity:
     error: Doubles
     verified: Doubles
     q2: Doubles
+
+
+@dataclass(frozen=True)
+class SearchFront:
+    """Front of NSGA-II in the last search for a material: f points with p objectives, and the objectives of n runs.
+
+    Attributes
+    ----------
+    objectives : tuple of str
+        Names of the sums of squared residuals that NSGA-II minimises as objectives.
+    predicted : ndarray of float64, shape (f, p)
+        Objectives of the points of the front, predicted by the last surrogate.
+    verified : ndarray of float64, shape (n, p)
+        Objectives of each run; NaN for a run with another law.
+    """
+
+    objectives: tuple[str, ...]
+    predicted: Doubles
+    verified: Doubles
+
+
+@dataclass(frozen=True)
+class BinStatistics:
+    """Mean, log sd and skewness of the b incidence-angle bins of one material, the bins of all passes in order.
+
+    Attributes
+    ----------
+    in_pass : ndarray of int64, shape (b,)
+        Number of the pass of each bin, from 1.
+    incidence_deg : ndarray of float64, shape (b,)
+        Mean local incidence of each bin [deg].
+    measured : ndarray of float64, shape (b, 3)
+        Statistics of the measured pixels [dB, 1, 1].
+    error : ndarray of float64, shape (b, 3)
+        Standard deviation of simulated minus measured by speckle, cells and fields [dB, 1, 1].
+    calibrated : ndarray of float64, shape (b, 3)
+        Statistics expected of the best run, at its effective looks and with fields [dB, 1, 1].
+    start : ndarray of float64 or None, shape (b, 3)
+        The same of the reference run; absent if it has another law [dB, 1, 1].
+    sensitivity : ndarray of float64 or None, shape (b, 3, d)
+        Change of a simulated statistic, by the surrogate, over 1 % of each bound's width [dB, 1, 1].
+    """
+
+    in_pass: NDArray[np.int64]
+    incidence_deg: Doubles
+    measured: Doubles
+    error: Doubles
+    calibrated: Doubles
+    start: Doubles | None = None
+    sensitivity: Doubles | None = None
 
 
 @dataclass(frozen=True)
@@ -244,7 +291,7 @@ class PassResult:
 
 
 @dataclass(frozen=True)
-class Archive:
+class Archive(Stored, kind="calibration"):
     """Results of a calibration at its end.
 
     Attributes
@@ -328,20 +375,6 @@ class Archive:
         return without_level(self.registered.measurement.image_db, self.levels)
 
 
-def write_archive(path: str | Path, archive: Archive) -> None:
-    """Write ``calibration.h5``, atomically.
-
-    Parameters
-    ----------
-    path : path
-        Path of the file.
-    archive : Archive
-        Results of a calibration.
-    """
-    with write_hdf5(path, _KIND) as file:
-        put(file, archive)
-
-
 def read_archive(path: str | Path, images: bool = True) -> Archive:
     """Read ``calibration.h5``.
 
@@ -362,8 +395,7 @@ def read_archive(path: str | Path, images: bool = True) -> Archive:
     DamagedError, StoreError
         As for :func:`.read_hdf5`.
     """
-    with read_hdf5(path, _KIND) as file:
-        return take(file, Archive, without=() if images else ("images",))
+    return Archive.read(path, () if images else ("images",))
 
 
 def read_finished(folder: str | Path) -> Archive:

@@ -1,4 +1,8 @@
-"""Results of a calibration in one archive."""
+"""Results of a calibration in one archive.
+
+Its parts compare measured and simulated statistics of incidence-angle bins, with the prior of X, and hold the front of
+a search with several objectives.
+"""
 
 from __future__ import annotations
 
@@ -20,25 +24,135 @@ from radcal.calibration.stopping import decide
 from radcal.config.disclosure import disclosed
 from radcal.config.part import Part
 from radcal.findings import Finding
-from radcal.objectives import make_objectives
-from radcal.objectives.history import History, Run
+from radcal.inference.moments import from_cumulants, to_cumulants
+from radcal.objectives import Comparison, make_objectives
+from radcal.objectives.history import History, Run, Score
+from radcal.posterior.curves import curves_of
 from radcal.posterior.result import Image, Posterior
-from radcal.proposals.surrogate import Training
+from radcal.proposals.surrogate import Surrogate, Training
 from radcal.radar.geometry import Geometry
 from radcal.registration.height_shift import with_height_finding
 from radcal.registration.registered import Registered, without_images
-from radcal.results.archive import Archive, Fidelity, Images, MaterialResult, PassResult, Runs, SceneView
-from radcal.results.bin_statistics import bin_statistics, prior_draws
+from radcal.results.archive import (
+    Archive,
+    BinStatistics,
+    Fidelity,
+    Images,
+    MaterialResult,
+    PassResult,
+    Runs,
+    SceneView,
+    SearchFront,
+)
 from radcal.results.law_notes import law_notes
-from radcal.results.search_front import search_fronts
 from radcal.scene.model import Scene, picture_step
 from radcal.seeds import derived_rng
-from radcal.storage.run_index import record_of
-from radcal.storage.runs import Record, RunStore
+from radcal.storage.runs import Record, RunStore, record_of
 from radcal.targets.target import Targets, level_only
 
 _MOST_OBJECTS = 20_000  # largest number of archived objects; a figure cannot show more as separate dots
 _PACKAGES = ("radcal", "numpy", "scipy", "smt", "platypus-opt", "h5py", "snakemake")
+Doubles = NDArray[np.float64]
+
+_HALF_STEP = 0.005  # half of 1 % of the width of the bounds
+_TRIED, _KEPT = 40_000, 2_000  # points of which the draws from a prior are chosen, and draws
+
+
+def search_fronts(objectives: Mapping[str, Comparison], history: History) -> dict[str, SearchFront]:
+    """Front of the last search of each material; materials whose search has a single objective are left out.
+
+    Parameters
+    ----------
+    objectives : mapping
+        Objective by calibrated material.
+    history : History
+        All scored runs.
+    """
+    last = {}
+    for run in history.infill:
+        last.update({name: proposal.front for name, proposal in run.proposals.items() if proposal.front.objectives})
+    found = {}
+    for name, front in last.items():
+        comparison = objectives[name]
+        nothing = np.full(len(comparison.part_names), np.nan)
+        scores = [run.scores[name] for run in history.runs]
+        found[name] = SearchFront(
+            objectives=tuple(comparison.part_names),
+            predicted=np.array(front.objectives),
+            verified=np.array([comparison.parts_of(score) if score.own_law else nothing for score in scores]),
+        )
+    return found
+
+
+def bin_statistics(comparison: Comparison, history: History, training: Training | None = None) -> BinStatistics | None:
+    """Statistics of the incidence-angle bins of one material; None for an objective without bins.
+
+    Parameters
+    ----------
+    comparison : Comparison
+        Objective of the material.
+    history : History
+        All scored runs.
+    training : Training, optional
+        Surrogate by all runs, from which the sensitivities at the best X follow as central differences.
+    """
+    name = comparison.material.name
+    best, first = history.best(name), history.runs[0].scores[name]
+    parts = [(k, part.moments) for k, part in enumerate(comparison.passes) if part is not None]
+    shown = [(k, moments) for k, moments in parts if moments is not None]
+    if not shown:
+        return None
+    measured = [from_cumulants(moments.classes.cumulants) for _, moments in shown]
+
+    def expected(score: Score) -> Doubles:
+        found = []
+        for (k, moments), values in zip(shown, measured, strict=True):
+            own = comparison.in_pass(k, score)
+            residuals = moments(np.asarray(own.parameters), own.looks, to_cumulants(own.statistics))
+            found.append(values + moments.differences(residuals))
+        return np.concatenate(found)
+
+    return BinStatistics(
+        in_pass=np.repeat([k + 1 for k, _ in shown], [moments.classes.size for _, moments in shown]),
+        incidence_deg=np.concatenate([moments.classes.nodes_deg.mean(axis=1) for _, moments in shown]),
+        measured=np.concatenate(measured),
+        error=np.concatenate([np.sqrt(np.diag(moments.covariance)).reshape(3, -1).T for _, moments in shown]),
+        calibrated=expected(best),
+        start=expected(first) if first.own_law else None,
+        sensitivity=None if training is None else _sensitivity(Surrogate(training, comparison), best.parameters),
+    )
+
+
+def _sensitivity(surrogate: Surrogate, parameters: list[float]) -> Doubles:
+    """Change of each statistic over 1 % of the width of each bound, shape (b, 3, d), about an X in the bounds.
+
+    References
+    ----------
+    Hill and Tiedeman, "Effective Groundwater Model Calibration" (2007), chapter 4: scaled sensitivities.
+    """
+    middle = np.clip(surrogate.unit(parameters), _HALF_STEP, 1.0 - _HALF_STEP)
+    step = _HALF_STEP * np.eye(middle.size)
+    change = surrogate.predict(middle + step) - surrogate.predict(middle - step)
+    return np.asarray(np.moveaxis(change, 0, -1))
+
+
+def prior_draws(comparison: Comparison, rng: np.random.Generator) -> Doubles:
+    """Draws from the prior of X: uniform inside the bounds, times the prior on the law's curve, shape (2000, d).
+
+    References
+    ----------
+    Rubin, "Using the SIR algorithm to simulate posterior distributions", Bayesian Statistics 3 (1988): sampling,
+    importance, resampling.
+    """
+    low, high = comparison.material.box.T
+    x = low + rng.random((_TRIED, low.size)) * (high - low)
+    x = np.where(comparison.material.integer, np.round(x), x)
+    prior = next(part for part in comparison.passes if part is not None).prior
+    if prior is None:
+        return np.asarray(x[:_KEPT])
+    log = -0.5 * (prior.of_curves(curves_of(prior.law, x, np.radians(prior.angles_deg)), x) ** 2).sum(axis=1)
+    chance = np.exp(log - log.max())
+    return np.asarray(x[rng.choice(_TRIED, _KEPT, p=chance / chance.sum())])
 
 
 def archive_of(

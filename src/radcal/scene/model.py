@@ -15,7 +15,7 @@ from radcal.errors import SceneError
 from radcal.findings import Finding
 from radcal.scene.objects import Objects
 from radcal.storage.dataclass_groups import take
-from radcal.storage.records import read_hdf5, read_item, write_item
+from radcal.storage.records import Stored, read_hdf5
 
 _LARGEST_PICTURE = 1200  # largest number of cells per side
 
@@ -26,7 +26,7 @@ def picture_step(shape: tuple[int, ...]) -> int:
 
 
 @dataclass(frozen=True)
-class Scene:
+class Scene(Stored, kind="scene"):
     """Surface materials on a grid, with the elevation of each cell or the incidence angle of each row.
 
     Attributes
@@ -117,18 +117,8 @@ class Scene:
             )
 
 
-def write_scene(path: str | Path, scene: Scene) -> None:
-    """Write a scene to an HDF5 file, atomically."""
-    write_item(path, "scene", scene)
-
-
-def read_scene(path: str | Path) -> Scene:
-    """Read a scene that :func:`write_scene` wrote; :func:`.read_hdf5` describes the errors."""
-    return read_item(path, "scene", Scene)
-
-
 @contextmanager
 def scene_on_disk(path: str | Path) -> Iterator[Scene]:
-    """Scene whose elevation is a dataset of the open file, read by rows; raises the errors of :func:`read_scene`."""
+    """Scene whose elevation is a dataset of the open file, read by rows; raises the errors of :func:`.read_hdf5`."""
     with read_hdf5(path, "scene") as file:
         yield replace(take(file, Scene, without=("elevation_m",)), elevation_m=file.get("elevation_m"))

@@ -11,8 +11,7 @@ from pydantic_core import PydanticCustomError, PydanticKnownError
 from radcal.findings import Finding, of_pass
 from radcal.plugins import Plugins
 from radcal.reading.base import reader_of
-from radcal.sections.base import Band, Dataset, Section, VrtFolders, with_tag
-from radcal.sections.errors import MISSING
+from radcal.sections.base import MISSING, Band, Dataset, Section, VrtFolders, with_tag
 from radcal.sections.limits import Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.sections.materials import OtherLaw
 from radcal.sections.radar import Radiometry
@@ -94,12 +93,8 @@ class Synthetic(Section):
         return tuple(key for key in keys if getattr(self, key) not in (None, {}, type(self).model_fields[key].default))
 
 
-def within(parameters: Sequence[float], bounds: object) -> bool:
-    """Whether parameters lie inside bounds; false if ``bounds`` has a wrong form, which a model refuses later."""
-    try:
-        box = [(float(low), float(high)) for low, high in bounds]  # type: ignore[attr-defined]
-    except (OverflowError, TypeError, ValueError):
-        return False
+def within(parameters: Sequence[float], box: Sequence[Sequence[float]]) -> bool:
+    """Whether parameters lie inside the bounds of as many parameters."""
     return len(box) == len(parameters) and all(
         low <= value <= high for value, (low, high) in zip(parameters, box, strict=True)
     )

@@ -13,8 +13,7 @@ from pydantic import AfterValidator, Field, SerializeAsAny, model_validator
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.reading.cdb import BASE_MATERIALS, cdb_files, imagery_files
 from radcal.reading.vectors import ENDINGS
-from radcal.sections.base import Section, VrtFolders, with_tag
-from radcal.sections.errors import Wrong
+from radcal.sections.base import Section, VrtFolders, Wrong, with_tag
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 
@@ -297,7 +296,7 @@ SCENES: Plugins[HasSection] = Plugins(
         "builtin": "radcal.scene.builtin:BuiltinSource",
         "slant_range": "radcal.scene.slant_range:SlantRangeSource",
         "raster": "radcal.scene.raster:RasterSource",
-        "vectors": "radcal.vectors.source:VectorSource",
+        "vectors": "radcal.vectors.features:VectorSource",
         "cdb": "radcal.cdb.source:CdbSource",
     },
 )

@@ -17,7 +17,7 @@ from radcal.errors import RadcalError
 from radcal.processes import die_with_parent
 from radcal.session.terminal import Repeated, guard
 from radcal.storage.files import alive
-from radcal.storage.provenance import provenance
+from radcal.storage.records import provenance
 
 # environment variables that the session sets for its jobs
 CASE = "RADCAL_CASE"  # name of the case

@@ -1,10 +1,16 @@
-"""Runner of the simulator; it only simulates runs that the run store does not contain."""
+"""Runner of the simulator; it only simulates runs that the run store does not contain.
+
+The configured simulator and its runners are made here, with the run store of the case. The texture of materials is
+multiplied onto the pixels of a simulated image.
+"""
 
 from __future__ import annotations
 
+import pkgutil
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,14 +19,101 @@ from numpy.typing import NDArray
 from radcal.config import Material, Radar
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError
-from radcal.radar.geometry import Geometry
-from radcal.sections.simulator import SIMULATORS
+from radcal.radar.geometry import Geometry, read_geometry
+from radcal.scene.model import Scene
+from radcal.sections.simulator import FOCUSED, SIMULATORS
+from radcal.seeds import derived_seed
 from radcal.seeds import noise_seed as seed_of_noise
-from radcal.simulators.base import Looks, Simulator
-from radcal.simulators.texturing import orders_of, with_textures
-from radcal.storage.files import digest
-from radcal.storage.lock import claimed
+from radcal.simulators.base import Looks, Simulator, SimulatorKind
+from radcal.speckle.texture import equal_texture, texture_db, texture_order
+from radcal.storage.files import claimed, digest
 from radcal.storage.runs import Parameters, Record, RunStore
+
+
+def orders_of(materials: Mapping[str, Material], first: Radar, radar: Radar) -> dict[str, float]:
+    """Order (shape parameter) of the gamma texture of each material with the key ``looks``.
+
+    Parameters
+    ----------
+    materials : mapping
+        Section ``materials``.
+    first : Radar
+        First pass; the key ``looks`` is the effective number of looks in the image of this pass.
+    radar : Radar
+        Pass of the simulated image; its speckle may have another number of looks.
+
+    Returns
+    -------
+    dict
+        Order of the texture by material, from :func:`radcal.speckle.texture.texture_order`; infinite if the effective
+        looks need no texture.
+    """
+    return {
+        name: texture_order(radar.looks, equal_texture(first.looks, material.looks, radar.looks))
+        for name, material in materials.items()
+        if material.looks is not None
+    }
+
+
+def textured(
+    pixels_db: NDArray[np.float32], order: float, seed: int, name: str, fresh: bool = False
+) -> NDArray[np.float32]:
+    """Pixels of a material with gamma texture of unit mean.
+
+    Parameters
+    ----------
+    pixels_db : ndarray of float32, shape (n,)
+        All visible pixels of the material [dB].
+    order : float
+        Order of the gamma texture; infinite for no texture.
+    seed : int
+        Seed of the case, from which the random numbers are derived. The random numbers are the same in every run, so
+        that the texture is a smooth function of its order.
+    name : str
+        Name of the material.
+    fresh : bool
+        Whether the random numbers are for the final check run, which has other random numbers than all other runs.
+
+    Returns
+    -------
+    ndarray of float32, shape (n,)
+        Pixels with texture [dB]; the array ``pixels_db`` itself if there is no texture.
+    """
+    if not np.isfinite(order):
+        return pixels_db
+    rng = np.random.default_rng([derived_seed(seed, "texture", name), int(fresh)])
+    return (pixels_db + texture_db(rng.random(pixels_db.shape), order)).astype(np.float32)
+
+
+def with_textures(
+    image_db: NDArray[np.float32], geometry: Geometry, orders: Mapping[str, float], seed: int, fresh: bool
+) -> NDArray[np.float32]:
+    """Simulated image with texture on all pixels that contain a textured material alone.
+
+    Parameters
+    ----------
+    image_db : ndarray of float32, shape ``geometry.shape``
+        Simulated image [dB].
+    geometry : Geometry
+        Geometry of the pass, which determines the pixels of each material.
+    orders : mapping
+        Order of the texture by material (:func:`orders_of`).
+    seed, fresh : int, bool
+        As in :func:`textured`.
+
+    Returns
+    -------
+    ndarray of float32, shape ``geometry.shape``
+        Image with texture [dB]; the array ``image_db`` itself if no material of the image has a texture.
+    """
+    orders = {name: order for name, order in orders.items() if np.isfinite(order) and name in geometry.names}
+    if not orders:
+        return image_db
+    image_db = image_db.copy()
+    for name, order in orders.items():
+        pixels = geometry.pixels(name)
+        image_db.ravel()[pixels] = textured(image_db.ravel()[pixels], order, seed, name, fresh)
+    return image_db
 
 
 def _law_description(material: Material, first: Radar, radar: Radar, seed: int) -> dict[str, Any]:
@@ -202,3 +295,55 @@ class Runner:
         record = Record(key, pixels, image_db if image or self._case.simulator.keep_images else None, seconds)
         self._store.put(record, description)
         return record
+
+
+def make_simulator(case: Part, geometry: Geometry, geometry_path: str | Path, scene: Scene | None = None) -> Simulator:
+    """Create the configured simulator for the geometry of a pass.
+
+    Parameters
+    ----------
+    case : Part
+        Configuration of simulator, pass and materials.
+    geometry : Geometry
+        Geometry of the pass.
+    geometry_path : path
+        Path of the geometry file, which an external simulator may read, and beside which one of focused images keeps
+        what its runs share; empty for none.
+    scene : Scene, optional
+        Scene of the geometry, which a simulator of focused images needs.
+
+    Raises
+    ------
+    ConfigError
+        The configuration of an external simulator is wrong (:class:`~radcal.programs.command.CommandPlan`), or a
+        law without a curve is configured for the built-in simulator, or radar or scene do not suit focused images.
+    """
+    if case.simulator.focused:
+        folder = Path(geometry_path).parent / "focused" if geometry_path else None
+        focused: Simulator = pkgutil.resolve_name(FOCUSED)(case, scene, geometry, folder)
+        return focused
+    found: Any = SIMULATORS[case.simulator.kind]
+    kind: type[SimulatorKind] = found
+    return kind.of(case, geometry, geometry_path)
+
+
+def make_runners(
+    case: Part, scene_path: str | Path, geometry_paths: Sequence[str | Path], runs: str | Path
+) -> list[Runner]:
+    """Runner of each pass, which reads runs from the case's run store, and simulates new ones as configured."""
+    scene, geometries = Scene.read(scene_path), [read_geometry(path) for path in geometry_paths]
+    return runners_of(case, scene, geometries, geometry_paths, runs)
+
+
+def runners_of(
+    case: Part, scene: Scene, geometries: Sequence[Geometry], paths: Sequence[str | Path], runs: str | Path
+) -> list[Runner]:
+    """Runners as of :func:`make_runners`, from the scene and the geometry of each pass.
+
+    The files ``paths`` need not exist before the first run.
+    """
+    each, identity = case.passes, scene.identity
+    return [
+        Runner(RunStore(runs), make_simulator(one, geometry, path, scene), geometry, identity, one, each[0].radar)
+        for one, geometry, path in zip(each, geometries, paths, strict=True)
+    ]

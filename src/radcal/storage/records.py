@@ -1,6 +1,12 @@
 """Writers and readers of HDF5 and JSON files with schema version, provenance and checksum.
 
 Files are written atomically and inspected before they are read. ``docs/records.md`` documents the layout of the files.
+
+The checksum is compared first, because a damaged file can crash the HDF5 library. A file that fails the inspection is
+renamed by a command that makes it again, and stays as it is for one that only reads results; none is deleted. An HDF5
+file starts with a user block of 512 bytes, which HDF5 libraries skip. The user block
+contains the SHA-256 of all bytes after the block, and the number of these bytes. The second line of a JSON file
+contains the SHA-256 of all bytes after this line.
 """
 
 from __future__ import annotations
@@ -10,24 +16,27 @@ import functools
 import hashlib
 import io
 import json
+import os
 import platform
+import re
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from contextvars import ContextVar
 from datetime import UTC, datetime
 from importlib import metadata
+from numbers import Integral
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, Self, TypeVar
 
 import h5py
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
+from radcal.config.disclosure import disclosed
 from radcal.config.stages import SCHEMAS
-from radcal.errors import StoreError
+from radcal.errors import DamagedError, RenamedFile, StoreError
+from radcal.reading.intake import elsewhere
 from radcal.storage.dataclass_groups import put, take
 from radcal.storage.files import atomic, file_sha256
-from radcal.storage.inspection import check_case, inspect, inspect_file, set_aside, unreachable
-from radcal.storage.provenance import origin
-from radcal.storage.sealing import BLOCK, Fault, header
 
 T = TypeVar("T")
 
@@ -35,6 +44,224 @@ CHECKSUMS = "checksums"
 """Key of a JSON list of the checksums of files whose format leaves no place for one."""
 _PACKAGES = ("numpy", "scipy", "h5py")
 version = functools.cache(metadata.version)  # each call parses a file, and a record makes four
+BLOCK = 512
+"""Length of the user block [bytes]; HDF5 allows no smaller user block."""
+
+# first bytes of a file, with the SHA-256 of the rest and the number of its bytes; their length; text if they are others
+_HDF5 = (
+    re.compile(rb"radcal sha256 ([0-9a-f]{64}) bytes (\d{1,18})\n\0+"), BLOCK, "its first 512 bytes are no header",
+)  # fmt: skip
+_JSON = (
+    re.compile(rb'\{\n "sha256": "([0-9a-f]{64})",\n'),
+    len('{\n "sha256": "",\n') + 64,
+    "no checksum in its second line",
+)
+_origin: ContextVar[tuple[str | None, dict[str, Any] | None]] = ContextVar("origin", default=(None, None))
+"""Case name and configuration that are recorded in files written inside the present :func:`provenance` context."""
+
+
+@contextlib.contextmanager
+def provenance(case: str | None = None, config: Mapping[str, Any] | None = None) -> Iterator[None]:
+    """Context in which every written file records case and configuration, and files of another case are refused.
+
+    Parameters
+    ----------
+    case : str, optional
+        Name of the case. Without a name, files of every case can be read.
+    config : mapping, optional
+        Sections of the configuration that determine the content of the files.
+    """
+    token = _origin.set((case, disclosed(config) if config is not None else None))
+    try:
+        yield
+    finally:
+        _origin.reset(token)
+
+
+class Fault(Exception):
+    """Fault found in a file.
+
+    Parameters
+    ----------
+    text : str
+        Predicate of a sentence about the file, such as "is damaged".
+    suffix : str
+        Suffix of the name under which the file is set aside; ``.earlier`` for an undamaged file of an earlier version.
+    """
+
+    def __init__(self, text: str, suffix: str = ".damaged") -> None:
+        super().__init__(text)
+        self.suffix = suffix
+
+
+def header(total: str, size: int) -> bytes:
+    """Content of the user block of an HDF5 file of ``size`` bytes; ``total`` is the SHA-256 of all bytes after it."""
+    return f"radcal sha256 {total} bytes {size - BLOCK}\n".encode().ljust(BLOCK, b"\0")
+
+
+def inspect(path: str | Path, kind: str | None, most_bytes: int | None = None) -> None:
+    """Inspect a file; rename the file to ``*.damaged`` if it is damaged, or of another kind, version or case.
+
+    An undamaged file of an earlier version is renamed to ``*.earlier``. Outside of a command on a case
+    (:func:`provenance`), only records of runs are renamed.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    kind : str or None
+        Expected kind of an HDF5 file, a key of :data:`~radcal.config.stages.SCHEMAS`; None for a JSON file.
+    most_bytes : int, optional
+        Largest size of a file whose content is compared with its checksum [bytes]. In a larger file, only header and
+        size are checked.
+
+    Raises
+    ------
+    DamagedError
+        The file is damaged, or of another kind, version or case; it was renamed.
+    StoreError
+        The file is missing or cannot be read; it was not renamed.
+    """
+    path = Path(path)
+    try:
+        number = path.stat().st_ino
+        try:
+            inspect_file(path, kind, most_bytes)
+        except Fault as fault:
+            if kind != "run" and _origin.get()[0] is None:
+                again = "type the command of its case again to have it made again (finished runs are kept)."
+                raise DamagedError(f"{path}: {fault}; nothing was changed; {again}") from None
+            raise set_aside(path, str(fault), number, path.with_suffix(fault.suffix)) from None
+    except OSError as error:
+        raise unreachable(path, error) from error
+
+
+def unreachable(path: Path, error: OSError) -> StoreError:
+    """StoreError about a file that the operating system cannot open or read."""
+    if isinstance(error, FileNotFoundError):
+        return StoreError(f"{path}: is missing; type the command of its case again to have it made.")
+    reason = os.strerror(error.errno) if error.errno is not None else error
+    return StoreError(f"{path}: cannot be read ({reason}); nothing was changed.")
+
+
+def set_aside(path: Path, reason: str, number: int | None = None, aside: Path | None = None) -> DamagedError:
+    """Rename a faulty file and return an error that states the reason and the new name.
+
+    Parameters
+    ----------
+    path : path
+        Path of the file.
+    reason : str
+        Fault of the file, as the predicate of a sentence about the file, such as "is damaged".
+    number : int, optional
+        Inode of the faulty file. If ``path`` now has another inode, a new file has replaced the faulty file, and no
+        file is renamed.
+    aside : path, optional
+        New path of the file; by default ``path`` with the suffix ``.damaged``.
+    """
+    aside = aside or path.with_suffix(".damaged")
+    try:
+        if number is None or path.stat().st_ino == number:
+            path.replace(aside)
+    except FileNotFoundError:
+        pass  # another job has already renamed the file
+    except OSError as error:
+        return DamagedError(
+            f"{path}: {reason}, and cannot be set aside ({error.strerror}); remove it and type the same command again."
+        )
+    what = f"{path}: {reason}; set aside as {aside.name}"
+    remedy = "type the same command again to have it made again (finished runs are kept)."
+    return DamagedError(f"{what}; {remedy}", RenamedFile(what))
+
+
+def inspect_file(path: Path, kind: str | None, most_bytes: int | None = None) -> None:
+    """Inspect a file without renaming it; the parameters are those of :func:`inspect`.
+
+    Raises
+    ------
+    Fault
+        The file is damaged, or of another kind, version or case.
+    StoreError
+        The file is a run record of another schema version.
+    OSError
+        The file is missing or cannot be read.
+    """
+    if not path.is_file() and path.exists():
+        raise Fault("is a folder or a device, expected a file")
+    with path.open("rb") as handle:
+        size = os.fstat(handle.fileno()).st_size
+        form, length, lacking = _JSON if kind is None else _HDF5
+        first = handle.read(length)
+        seal = form.fullmatch(first) if len(first) == length else None
+        if seal is None:
+            raise Fault(f"is damaged ({lacking})")
+        if kind is not None and size - BLOCK != int(seal[2]):
+            raise Fault(f"is damaged ({size - BLOCK} bytes after the header, expected {int(seal[2])})")
+        whole = most_bytes is None or size <= most_bytes
+        if whole and hashlib.file_digest(handle, "sha256").hexdigest() != seal[1].decode():
+            raise Fault("is damaged (its contents differ from its checksum)")
+    if kind is None:
+        return
+    try:
+        with h5py.File(path, "r", locking=False) as file:
+            found = {name: file.attrs.get(name) for name in ("kind", "schema", "case", "hash")}
+            outside = elsewhere(file)
+    except (OSError, RuntimeError, KeyError, ValueError) as error:
+        if isinstance(error, OSError) and error.errno is not None:
+            raise  # an error number comes from the operating system: the file cannot be read
+        # this error occurs only if the content was not compared with the checksum
+        raise Fault(f"is damaged ({error})") from None
+    if outside is not None:
+        raise Fault(f"is not what radcal wrote ({outside})")
+    if found["kind"] != kind:
+        raise Fault(f"is a file of kind {found['kind']!r}, expected {kind!r}")
+    if kind == "run" and found["schema"] != SCHEMAS[kind]:
+        # a run record of another version is not renamed, because the other version can still read the record
+        raise StoreError(
+            f"{path}: written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}; use the radcal that "
+            "wrote it, or another case name."
+        )
+    if found["schema"] != SCHEMAS[kind]:
+        text = f"was written with schema {found['schema']}, this radcal reads {SCHEMAS[kind]}"
+        if isinstance(found["schema"], Integral) and int(found["schema"]) < SCHEMAS[kind]:
+            raise Fault(f"is of an earlier version of radcal: it {text}", ".earlier")
+        raise Fault(text)
+    # the key alone identifies a run, so that every case may use its record
+    if kind != "run":
+        check_case(found["case"])
+    elif found["hash"] != path.stem:
+        raise Fault(f"holds the run {found['hash']}, expected {path.stem}")
+
+
+def check_case(found: Any) -> None:
+    """Compare the case name recorded in a file with the case of this job; an unknown name matches every case.
+
+    Raises
+    ------
+    Fault
+        The two cases differ.
+    """
+    expected, _ = _origin.get()
+    if expected is not None and found is not None and found != expected:
+        raise Fault(f"belongs to the case {found!r}, expected {expected!r}")
+
+
+def kind_of(path: str | Path) -> str | None:
+    """Kind of a file in a results folder, derived from the file's name; None for a JSON file.
+
+    Raises
+    ------
+    KeyError
+        No HDF5 file of a results folder has this name.
+    """
+    path = Path(path)
+    if path.suffix == ".json":
+        return None
+    folders = {"runs": "run", "draws": "run", "posterior": "posterior", "strips": "geometry"}
+    kind = folders.get(path.parent.name, path.stem)
+    if kind not in SCHEMAS:
+        raise KeyError(kind)
+    return kind
 
 
 class _Partial(io.FileIO):
@@ -88,12 +315,13 @@ def write_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
         The file cannot be written.
     """
     path = Path(path)
+    case, config = _origin.get()
     with atomic(path) as partial, _Partial(partial, "w+") as made:
         try:
             with h5py.File(made, "w", userblock_size=BLOCK, alignment_threshold=4096, alignment_interval=64) as file:
                 file.attrs["kind"] = kind
                 file.attrs["schema"] = SCHEMAS[kind]
-                if (case := origin().case) is not None:
+                if case is not None:
                     file.attrs["case"] = case
                 yield file
         finally:
@@ -110,7 +338,6 @@ def write_hdf5(path: str | Path, kind: str) -> Iterator[h5py.File]:
             if "versions" not in file.attrs:
                 versions = {"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}
                 file.attrs["versions"] = json.dumps(versions)
-            config = origin().config
             if config is not None and "config" not in file.attrs:
                 # a dataset, because HDF5 limits the size of attributes
                 file["config"] = json.dumps(config, sort_keys=True, default=str)
@@ -193,7 +420,7 @@ def write_json(path: str | Path, data: Any, flat: bool = False) -> None:
     ValueError
         A number is NaN or infinite.
     """
-    case = origin().case
+    case, _ = _origin.get()
     outer: dict[str, Any] = dict(data) if flat else {**({"case": case} if case is not None else {}), "data": data}
     rest = json.dumps(outer, indent=1, allow_nan=False).removeprefix("{\n") + "\n"
     with atomic(path) as partial:
@@ -300,13 +527,22 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind, config=ConfigDict(extra="forbid", strict=True))
 
 
-def write_item(path: str | Path, kind: str, item: Any) -> None:
-    """Write a dataclass to an HDF5 file of a kind, atomically."""
-    with write_hdf5(path, kind) as file:
-        put(file, item)
+class Stored:
+    """Base class of dataclasses that have a kind of HDF5 files of their own."""
 
+    _kind: ClassVar[str]
 
-def read_item(path: str | Path, kind: str, cls: type[T]) -> T:
-    """Read what :func:`write_item` wrote; raises the errors of :func:`.read_hdf5`."""
-    with read_hdf5(path, kind) as file:
-        return take(file, cls)
+    def __init_subclass__(cls, kind: str) -> None:
+        """Name the kind of a class, one of :data:`radcal.config.stages.SCHEMAS`."""
+        cls._kind = kind
+
+    def write(self, path: str | Path) -> None:
+        """Write the content to a file, atomically."""
+        with write_hdf5(path, self._kind) as file:
+            put(file, self)
+
+    @classmethod
+    def read(cls, path: str | Path, without: Collection[str] = ()) -> Self:
+        """Content of a file, except the fields ``without``; raises the errors of :func:`read_hdf5`."""
+        with read_hdf5(path, cls._kind) as file:
+            return take(file, cls, without)

@@ -1,4 +1,8 @@
-"""Targets of all calibrated materials, the levels at which they are compared with runs, and their HDF5 file."""
+"""Targets of all calibrated materials, the levels at which they are compared with runs, and their HDF5 file.
+
+A target may be divided into incidence-angle bins, with statistics of measured pixels and variance between and within
+fields.
+"""
 
 from __future__ import annotations
 
@@ -12,14 +16,71 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.ground.correlation import Correlation
 from radcal.ground.goodness import Goodness
-from radcal.ground.ground import Ground
+from radcal.ground.ground import Classes, Ground, class_cumulants, winsorised
 from radcal.ground.levels import Levels
 from radcal.ground.one_incidence import seen_at_one_incidence
-from radcal.storage.records import read_item, write_item
-from radcal.targets.class_target import ClassTarget
+from radcal.ground.patches import Spread
+from radcal.storage.records import Stored
 from radcal.words import sentence
 
 _TEXTURED = 0.7  # a textured material has fewer looks than this share of the looks of homogeneous areas
+
+
+@dataclass(frozen=True)
+class ClassTarget:
+    """Target of one material by incidence-angle bin.
+
+    Attributes
+    ----------
+    classes : Classes
+        Incidence-angle bins with the measured statistics of the target's pixels, prepared for a comparison with K draws
+        of speckle (:meth:`radcal.ground.ground.Classes.compared`).
+    spread : Spread
+        Between-field and within-field standard deviation, pooled over the materials [dB].
+    free_looks : bool
+        Whether the effective number of looks of the material is estimated together with the law.
+    priors : bool
+        Whether weak priors on the law's curve and on the number of looks enter the objective.
+    incidence_error_deg : float
+        Root mean square, over the pixels, of the standard error of the local incidence angle [deg].
+    first : ndarray, shape (d,)
+        X of the law that is fitted to the target without simulator runs, with a model of law and speckle; empty for a
+        law without a curve.
+    first_looks : float
+        Effective number of looks of the fit that gives ``first``.
+    error_deg : ndarray, shape (pixels,), or None
+        Standard error of the local incidence angle of each pixel [deg], from the registration and the scene's slopes;
+        None if one number holds for all pixels.
+    """
+
+    classes: Classes
+    spread: Spread
+    free_looks: bool
+    priors: bool
+    incidence_error_deg: float
+    first: NDArray[np.float64]
+    first_looks: float
+    error_deg: NDArray[np.float64] | None = None
+
+    def cumulants(self, values_db: NDArray[np.float64], pixels: NDArray[np.int64] | None = None) -> NDArray[np.float64]:
+        """Cumulants of the target's pixels in a run, by incidence-angle bin.
+
+        Parameters
+        ----------
+        values_db : ndarray, shape (pixels,)
+            Values of the target's pixels in the run [dB]; far outliers are clipped, as in the measured pixels.
+        pixels : ndarray of int, optional
+            Indices, in ``values_db``, of the pixels to use; by default all pixels are used.
+
+        Returns
+        -------
+        ndarray, shape (n, 3)
+            Mean [dB], variance [dB^2] and third central moment [dB^3] in each of the n bins.
+        """
+        member = self.classes.member
+        if pixels is not None:
+            values_db, member = values_db[pixels], member[pixels]
+        return class_cumulants(winsorised(values_db, member), member, self.classes.size)
 
 
 @dataclass(frozen=True)
@@ -182,7 +243,7 @@ class Targets(dict[str, Target]):
 
 
 @dataclass(frozen=True)
-class _Stored:
+class _Stored(Stored, kind="target"):
     """Content of a target file: targets, level normalisation and number of looks of one pass."""
 
     materials: Mapping[str, Target]
@@ -192,7 +253,7 @@ class _Stored:
 
 def write_targets(path: str | Path, targets: Targets) -> None:
     """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
-    write_item(path, "target", _Stored(targets, targets.levels, targets.looks))
+    _Stored(targets, targets.levels, targets.looks).write(path)
 
 
 def read_targets(paths: Iterable[str | Path]) -> list[Targets]:
@@ -200,7 +261,7 @@ def read_targets(paths: Iterable[str | Path]) -> list[Targets]:
 
     The first pass shows all calibrated materials; the others may lack some.
     """
-    each = (read_item(path, "target", _Stored) for path in paths)
+    each = (_Stored.read(path) for path in paths)
     return [Targets(one.materials, one.levels, one.looks) for one in each]
 
 

@@ -13,20 +13,21 @@ from radcal.config.part import Part
 from radcal.errors import MeasurementError
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.goodness import goodness_of_fit
-from radcal.ground.ground import Blocks
+from radcal.ground.ground import Blocks, Ground, incidence_edges
 from radcal.ground.levels import Levels, image_levels, offset_levels
 from radcal.ground.patches import label_patches, patches_seen
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.image.looks import estimate_looks, local_looks
-from radcal.inference.misfit import BinMisfit, Misfit
-from radcal.radar.geometry import Geometry
-from radcal.radar.radiometry import noise_floor_db
+from radcal.inference.incidence_error import registration_error_deg
+from radcal.inference.misfit import BinMisfit, Method, Misfit
+from radcal.inference.pooled_laws import fit_laws
+from radcal.laws import law_for
+from radcal.radar.geometry import Geometry, noise_floor_db
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng
-from radcal.targets.bin_target import bin_targets
 from radcal.targets.reach import check_reach
-from radcal.targets.target import Target, Targets
+from radcal.targets.target import ClassTarget, Target, Targets
 
 # Step to which a target's parameters are rounded, relative to its standard deviation; a thousandth of the sampling
 # error of 1,000 pixels. Numerical noise, for example after a constant is added to the image, then changes no
@@ -34,6 +35,7 @@ from radcal.targets.target import Target, Targets
 _ROUNDING = 1e-5
 _LEVEL_PIXELS = 1000  # pixels drawn of each reference material
 HELD_OUT = "held out to check the law"  # reason for masking
+_LEVEL_DB = 40.0  # half width of a bin level's bounds about the mean of the pixels, for laws without a curve
 
 
 def sampling_rms(
@@ -263,3 +265,83 @@ def make_levels(case: Part, geometry: Geometry, registered: Registered, referenc
     if config.normalisation == "offset" and not differences:
         raise MeasurementError(f"target.normalisation: offset needs a material that says the level; {refused}")
     return offset_levels(config.normalisation, differences)
+
+
+def bin_targets(
+    case: Part,
+    targets: Targets,
+    geometry: Geometry,
+    registered: Registered,
+    misfit: type[Misfit],
+    slope_error_deg: float = 0.0,
+) -> Targets:
+    """Divide the pixels of all targets into incidence-angle bins, and estimate the variance between fields.
+
+    The variance is estimated from the measured image alone, without simulator runs
+    (:func:`radcal.inference.pooled_laws.fit_laws`), and pooled over the materials.
+
+    Parameters
+    ----------
+    case : Part
+        Laws and settings of the target.
+    targets : Targets
+        Targets of the calibrated materials.
+    geometry : Geometry
+        Geometry of the pass, with the local incidence.
+    registered : Registered
+        Registered measured image; the uncertainty of its registration gives the error of the local incidence if
+        ``target.incidence_error_deg`` is not configured.
+    misfit : type of Misfit
+        Misfit of the pixels in a bin, with which the laws are fitted.
+    slope_error_deg : float
+        Standard error of the scene's slopes [deg]; it is added in quadrature to the error from the registration.
+
+    Returns
+    -------
+    Targets
+        Targets with their ``classes``.
+    """
+    laws, measured, methods, binned = case.laws, {}, {}, {}
+    for name, target in targets.items():
+        law, error, each = laws[name], case.target.incidence_error_deg, None
+        if error is None:
+            each = np.hypot(
+                registration_error_deg(geometry.incidence_deg, registered.uncertainty_px, target.pixels),
+                slope_error_deg,
+            )
+            error = float(np.sqrt(np.mean(each**2)))
+        measured[name] = replace(target.ground, error_deg=each if law.has_curve else None)
+        method = Method(
+            law,
+            case.materials[name].box,
+            float(case.radar.looks),
+            misfit=misfit,
+            classes=case.target.incidence_classes,
+            free_looks=case.target.looks == "free",
+            priors=case.target.priors,
+            incidence_error_deg=error,
+        )
+        methods[name] = method if law.has_curve else _without_curve(method, target.ground)
+    for name, found in fit_laws(measured, methods).items():
+        classes = ClassTarget(
+            classes=found.classes.compared(case.simulator.draws),
+            spread=found.spread,
+            free_looks=found.method.free_looks,
+            priors=case.target.priors,
+            incidence_error_deg=found.method.incidence_error_deg,
+            first=found.fit.parameters if laws[name].has_curve else np.empty(0),
+            first_looks=found.fit.looks,
+            error_deg=measured[name].error_deg,
+        )
+        binned[name] = replace(targets[name], classes=classes)
+    return Targets(binned, targets.levels, targets.looks)
+
+
+def _without_curve(method: Method, ground: Ground) -> Method:
+    """Method that fits a level [dB] in each incidence-angle bin, in place of a law that only the simulator knows."""
+    edges = incidence_edges(ground.incidence_deg, method.classes)
+    mean = float(ground.values_db.mean())
+    knots = 0.5 * (edges[1:] + edges[:-1]) if len(edges) > 2 else [edges[0] - 1.0, edges[0] + 1.0]
+    levels = law_for("tabulated", angles_deg=tuple(knots))
+    bounds = [(mean - _LEVEL_DB, mean + _LEVEL_DB)] * len(knots)
+    return replace(method, law=levels, bounds=bounds, misfit=BinMisfit, priors=False, incidence_error_deg=0.0)
