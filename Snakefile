@@ -21,7 +21,7 @@ from radcal.session.session import (
     open_session,
     say,
 )
-from radcal.session.salvage import job_name
+from radcal.session.slurm import job_name
 
 min_version("9.10")
 

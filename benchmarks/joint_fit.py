@@ -39,8 +39,9 @@ from radcal.measurement.sources import make_measurement
 from radcal.objectives import make_objectives, objective_class
 from radcal.posterior.calibrated import FORMS, Draws, LawModel
 from radcal.posterior.fixed_laws import FIELD_SPREAD, _less, _Scales
+from radcal.posterior.marginal import integrated, normal_draws
 from radcal.posterior.result import Posterior
-from radcal.posterior.sampling import _judged, integrated, normal_draws, sample
+from radcal.posterior.sampling import _judged, sample
 from radcal.processes import one_thread
 from radcal.radar.projection import make_geometry
 from radcal.seeds import derived_rng

@@ -39,7 +39,8 @@ from radcal.laws import LAWS
 from radcal.radar.geometry import read_geometry, write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
-from radcal.scene.objects import Objects, generate_objects
+from radcal.scene.object_generator import generate_objects
+from radcal.scene.objects import Objects
 from radcal.simulators.builtin import BuiltinSimulator
 
 MATERIALS = 24

@@ -44,7 +44,8 @@ from radcal.config import Case, case_from
 from radcal.config.stages import STAGES
 from radcal.errors import RadcalError
 from radcal.ground.patches import patches_seen
-from radcal.measurement.sources import make_measurement, make_synthetic
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.synthetic import make_synthetic
 from radcal.objectives import make_objectives, objective_class
 from radcal.objectives.history import History
 from radcal.radar.geometry import Geometry

@@ -6,7 +6,9 @@ python docs/tables.py laws | sensors | esa_worldcover | corine | nlcd
 import sys
 from typing import Any
 
-from radcal.laws.curves import CURVES, GRAZING, SOIL
+from radcal.laws.curves import CURVES
+from radcal.laws.grazing import GRAZING
+from radcal.laws.soil import SOIL
 from radcal.tables import read_table
 from radcal.tables.landcover import gamma_db, landcovers
 

@@ -25,7 +25,7 @@ from radcal.posterior import prediction
 from radcal.posterior.cells import CellMeans
 from radcal.posterior.prediction import constant_of
 from radcal.posterior.result import Image
-from radcal.radar.geometry import with_noise_db
+from radcal.radar.radiometry import with_noise_db
 from radcal.targets.target import Targets
 
 BRIEF = Uncertainty(walkers=32, steps=100)

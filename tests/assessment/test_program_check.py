@@ -10,7 +10,7 @@ from geometry_samples import X, two_materials
 
 from radcal.assessment.conclusion import another_law, beyond_law_db
 from radcal.findings import Finding
-from radcal.ground.ground import make_classes
+from radcal.ground.bins import make_classes
 from radcal.inference.misfit import law_cumulants
 from radcal.laws import LAWS, law_for
 from radcal.objectives.history import History

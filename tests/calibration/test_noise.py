@@ -5,7 +5,7 @@ import pytest
 
 from radcal import skewnormal
 from radcal.calibration.scoring import noise_variance, scatter
-from radcal.ground.ground import class_cumulants
+from radcal.ground.bins import class_cumulants
 from radcal.inference.moments import from_cumulants, from_dp
 
 DP = np.array([-12.0, 3.0, -2.0])

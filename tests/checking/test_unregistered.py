@@ -7,8 +7,8 @@ from scipy.ndimage import gaussian_filter
 from radcal.checking.outlook import cells_of, fixed_laws, start_image, unreachable
 from radcal.image.model import Measurement
 from radcal.posterior.cells import CellMeans
-from radcal.radar.geometry import with_noise_db
 from radcal.radar.projection import make_geometry
+from radcal.radar.radiometry import with_noise_db
 from radcal.simulators.builtin import BuiltinSimulator
 
 DYKE, GRASS, CROPS = [-21.0, 9.0, 6.0, 4.0], [-26.0, 10.0, 9.0, 3.0], [-19.0, 7.0, 3.0, 2.0]

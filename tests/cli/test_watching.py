@@ -6,7 +6,7 @@ from lxml import html
 
 from radcal.cli import watching
 from radcal.forecast.runs_and_time import Standing
-from radcal.storage.files import CaseLock
+from radcal.storage.lock import CaseLock
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ from config_samples import flat, mapped, measured
 from safe_product import write_product
 
 from radcal.config import Case, case_from, expand_path, input_files
-from radcal.config.loading import check_reuse, executable_path, missing_inputs
+from radcal.config.inputs import check_reuse, executable_path, missing_inputs
 from radcal.errors import ConfigError
 
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from radcal.errors import MeasurementError
-from radcal.ground.ground import class_of, incidence_edges, make_classes, winsorised
+from radcal.ground.bins import class_of, incidence_edges, make_classes, winsorised
 
 
 @settings(max_examples=60, deadline=None)

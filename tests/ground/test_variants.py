@@ -3,7 +3,7 @@
 import numpy as np
 from variants import agrees
 
-from radcal.ground.ground import class_cumulants, class_of, incidence_edges
+from radcal.ground.bins import class_cumulants, class_of, incidence_edges
 from radcal.ground.levels import image_levels, median_and_range, pooled_offset
 from radcal.ground.patches import Spread, gls_mean, patch_effects, pooled
 from radcal.ground.pixels import noise_limited

@@ -12,7 +12,8 @@ from rasterio.windows import Window
 
 from radcal.config import FileMeasurement, Radar
 from radcal.errors import MeasurementError
-from radcal.image.raster import Header, RasterReader, map_pixel_m, read_at_ground
+from radcal.image.georeference import map_pixel_m, read_at_ground
+from radcal.image.raster import Header, RasterReader
 
 UTM = "EPSG:32631"
 WEST, SOUTH, CELL_M = 600_000.0, 5_780_000.0, 5.0

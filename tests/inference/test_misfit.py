@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy import stats
 
+from radcal.ground.bins import make_classes
 from radcal.ground.correlation import independent_pairs
-from radcal.ground.ground import Ground, make_classes
+from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread
 from radcal.inference.misfit import SKEWNESS_SHAPE, BinMisfit, LawForward, LikelihoodMisfit, Method, true_angles
 from radcal.inference.moments import sampling_covariance

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy.special import polygamma
 
-from radcal.ground.ground import Ground, make_classes
+from radcal.ground.bins import make_classes
+from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread, spreads
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
 from radcal.inference.pooled_laws import FittedLaw, LawFit, fit_law, fit_laws

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from radcal.ground.ground import Ground, make_classes
+from radcal.ground.bins import make_classes
+from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread
 from radcal.inference.misfit import BinMisfit, Method, together
 from radcal.laws import law_for

@@ -9,7 +9,8 @@ from radcal.config import Case, case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.laws import LAWS, Law, law_for
-from radcal.laws.curves import constant_gamma, mangia, oh1992
+from radcal.laws.curves import constant_gamma, mangia
+from radcal.laws.soil import oh1992
 
 X = (6.1, 14.2, 21.5, 3.3)
 FREQUENCY_GHZ = 9.5

@@ -5,17 +5,9 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 from variants import agrees
 
-from radcal.laws.curves import (
-    RURAL,
-    constant_gamma,
-    land_clutter,
-    mangia,
-    nrl_sea,
-    oh1992,
-    tabulated,
-    ulaby_dobson,
-    weibull_power,
-)
+from radcal.laws.curves import constant_gamma, mangia, tabulated, ulaby_dobson
+from radcal.laws.grazing import RURAL, land_clutter, nrl_sea, weibull_power
+from radcal.laws.soil import oh1992
 
 ANGLES = np.array([21.0, 37.0, 58.0])
 PHI = np.radians(ANGLES)

@@ -10,7 +10,8 @@ from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.base import Grid
 from radcal.image.raster import RasterReader
-from radcal.measurement.sources import make_measurement, smooth_warp
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import invert, warp
 from radcal.simulators.builtin import BuiltinSimulator

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from radcal.errors import ConfigError, MeasurementError
-from radcal.measurement.sources import check_synthetic, make_measurement, relabelled, roughened, textured, varied
+from radcal.measurement.sources import make_measurement
+from radcal.measurement.synthetic import check_synthetic, relabelled, roughened, textured, varied
 from radcal.radar.projection import make_geometry
 from radcal.sections.measurement import Synthetic
 from radcal.simulators.builtin import BuiltinSimulator

@@ -12,7 +12,7 @@ from radcal.config import Radar
 from radcal.ground.correlation import Correlation
 from radcal.laws import law_for
 from radcal.posterior.cells import CellMeans, Simulated, cell_means
-from radcal.radar.geometry import noise_floor_db
+from radcal.radar.radiometry import noise_floor_db
 
 RADAR = Radar(altitude_m=1000.0, nesz_db=[(30.0, -24.0), (40.0, -12.0)], radiometry="sigma0_local")
 DB = 10.0 / np.log(10.0)

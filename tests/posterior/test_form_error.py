@@ -8,7 +8,7 @@ from assessment_samples import ANGLES, FORM_KNOTS, KNOTS, known_common, line_mod
 
 from radcal.posterior.calibrated import FORMS
 from radcal.posterior.effects import form_basis
-from radcal.posterior.quantiles import form_error, noticed_db
+from radcal.posterior.form_error import form_error, noticed_db
 
 SEEN = float(ANGLES[0]), float(ANGLES[-1])
 AT = np.array([-0.2, 0.3, np.log(0.5), np.log(0.2), np.log(0.3)])

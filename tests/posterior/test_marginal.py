@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from radcal.posterior import sampling
-from radcal.posterior.sampling import Marginal, normal_draws
+from radcal.posterior import marginal
+from radcal.posterior.marginal import Marginal, normal_draws
 
 N, FIELDS = 70, 6
 GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
@@ -22,7 +22,7 @@ def dense(variance, patch, cell, field):
 
 
 def test_the_grid_reaches_as_far_as_the_priors():
-    np.testing.assert_allclose([sampling._CELL[[0, -1]], sampling._FIELD[[0, -1]]], [one[[0, -1]] for one in GRID])
+    np.testing.assert_allclose([marginal._CELL[[0, -1]], marginal._FIELD[[0, -1]]], [one[[0, -1]] for one in GRID])
     columns, variance, patch = made()
     table = Marginal(columns, variance, patch)
     inside, outside = (table.at(np.log([cell]), np.log([field])) for cell, field in ((3.0, 0.01), (40.0, 1e-4)))

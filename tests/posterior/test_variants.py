@@ -7,8 +7,9 @@ from variants import agrees
 
 from radcal.posterior.cells import _level
 from radcal.posterior.fixed_laws import half_normal
+from radcal.posterior.marginal import Marginal, integrated
 from radcal.posterior.prediction import predict
-from radcal.posterior.sampling import Marginal, integrated, split_r_hat
+from radcal.posterior.sampling import split_r_hat
 
 K = 10.0 / np.log(10.0)
 

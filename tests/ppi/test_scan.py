@@ -5,7 +5,7 @@ import pytest
 from variants import agrees
 
 from radcal.config import case_from
-from radcal.laws.curves import weibull_power
+from radcal.laws.grazing import weibull_power
 from radcal.ppi.ground import Ground, Points
 from radcal.ppi.scan import detected, one_turn, threshold
 

@@ -12,7 +12,7 @@ from radcal.config import RegistrationConfig, TargetConfig, Uncertainty, case_fr
 from radcal.config.loading import load_measured
 from radcal.errors import ConfigError, StoreError
 from radcal.figures.applied_figures import Prediction
-from radcal.ground.ground import class_of, incidence_edges
+from radcal.ground.bins import class_of, incidence_edges
 from radcal.image.model import Measurement
 from radcal.laws import LAWS, law_for
 from radcal.posterior.result import WHOLE_DEG, Constant, KeptDraws, Predicted

@@ -10,7 +10,7 @@ from radcal.config.stages import OUTPUTS
 from radcal.errors import StoreError
 from radcal.products.showing import results_folder, show
 from radcal.results.summary import summarise
-from radcal.storage.files import CaseLock
+from radcal.storage.lock import CaseLock
 from radcal.storage.records import write_json
 
 PATHS = [path.format(p=1, k=0, j=0, chunk=0, s=1, material="dyke") for path in OUTPUTS]

@@ -12,7 +12,8 @@ from radcal.laws import LAWS
 from radcal.radar.geometry import Frame, joined, read_geometry, write_geometry
 from radcal.radar.projection import make_frame, make_geometry, strips_of
 from radcal.scene.model import Scene, scene_on_disk
-from radcal.scene.objects import Walls, generate_objects
+from radcal.scene.object_generator import generate_objects
+from radcal.scene.objects import Walls
 from radcal.simulators.builtin import BuiltinSimulator
 from radcal.storage.dataclass_groups import same
 

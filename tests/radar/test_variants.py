@@ -8,10 +8,10 @@ from radcal.angles import depression_deg, incidence_deg
 from radcal.config import Radar
 from radcal.posterior.cells import area_db, weights_of_facets
 from radcal.radar.earth import heading_at_scene, heading_of_sight, line_of_sight
-from radcal.radar.geometry import noise_floor_db, of_sigma0, with_noise_db
 from radcal.radar.lines import local_incidence_cosine
 from radcal.radar.points import FINENESS, fine_taps
 from radcal.radar.projection import make_geometry
+from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
 from radcal.radar.reflectivity import law_tables, reflectivity
 
 ANGLES = np.array([23.0, 37.0, 52.0])

@@ -10,7 +10,8 @@ import rasterio
 from raster_files import write_raster
 from rasterio.errors import RasterioError
 
-from radcal.reading.intake import LARGEST_VALUES, RasterRefused, check_blocks, open_raster, raster_files
+from radcal.reading.intake import LARGEST_VALUES
+from radcal.reading.rasters import RasterRefused, check_blocks, open_raster, raster_files
 
 VALUES = np.arange(48, dtype=np.float32).reshape(6, 8) + 3.0
 

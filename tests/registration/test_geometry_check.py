@@ -11,7 +11,7 @@ from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.image.model import Measurement
-from radcal.measurement.sources import smooth_warp
+from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
 from radcal.registration.geometry_check import checked, depression, place, range_line, relief

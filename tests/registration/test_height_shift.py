@@ -10,7 +10,7 @@ from scipy.ndimage import map_coordinates
 from radcal.config import Radar
 from radcal.findings import Finding
 from radcal.image.model import Measurement
-from radcal.measurement.sources import smooth_warp
+from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.height_shift import HeightShift, height_shift, with_height_finding
 from radcal.registration.registered import Registered

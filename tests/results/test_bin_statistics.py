@@ -7,7 +7,7 @@ import pytest
 from calibration_samples import make_material, make_run, make_target
 
 from radcal.config import SurrogateConfig
-from radcal.ground.ground import make_classes
+from radcal.ground.bins import make_classes
 from radcal.ground.patches import Spread
 from radcal.inference.moments import from_cumulants
 from radcal.laws import LAWS

@@ -7,7 +7,7 @@ import pytest
 
 from radcal.findings import Finding
 from radcal.scene.model import Scene
-from radcal.scene.objects import generate_objects
+from radcal.scene.object_generator import generate_objects
 from radcal.storage.dataclass_groups import same
 
 OBJECTS = replace(

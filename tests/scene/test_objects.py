@@ -11,11 +11,12 @@ import pytest
 import shapely
 
 from radcal.config import case_from
-from radcal.config.loading import input_files
+from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, SceneError
 from radcal.reading import vectors
+from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
-from radcal.scene.objects import BUILDING, CAR, TREE, Objects, generate_objects
+from radcal.scene.objects import Objects
 from radcal.scene.sources import make_scene
 from radcal.sections.scene import check_curve
 

@@ -20,7 +20,8 @@ from radcal.radar.projection import make_geometry
 from radcal.reading.intake import parse_xml
 from radcal.scene.model import Scene
 from radcal.sentinel1.annotation import noise_of
-from radcal.sentinel1.reader import Sentinel1Reader, open_product, overpass_of, overpass_unchecked
+from radcal.sentinel1.overpass import open_product, overpass_of, overpass_unchecked
+from radcal.sentinel1.reader import Sentinel1Reader
 
 UTM = "EPSG:32633"
 CELL_M, SIDE, HEIGHT_M = 20.0, 30, 120.0
@@ -146,7 +147,7 @@ def test_heights_above_the_geoid_are_raised_by_it(safe, monkeypatch):
     geometry = make_geometry(ground, radar)
     higher = replace(ground, elevation_m=ground.elevation_m + 45.0)
     expected = overpass_of(product, higher, geometry.ground)
-    monkeypatch.setattr("radcal.sentinel1.reader.geoid_m", lambda *_: 45.0)
+    monkeypatch.setattr("radcal.sentinel1.overpass.geoid_m", lambda *_: 45.0)
     found = overpass_of(product, replace(ground, vertical_datum="EGM2008 height"), geometry.ground)
     np.testing.assert_allclose(found.pixel, expected.pixel, atol=1e-6)
     assert found.findings == ()

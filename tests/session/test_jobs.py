@@ -10,7 +10,8 @@ from waiting import wait_until
 
 from radcal.errors import MeasurementError
 from radcal.session.jobs import FAILURE, OWNER, PASSES, PROGRESS, STARTED, Follower, logged, progress
-from radcal.storage.files import CaseLock, alive, claimed
+from radcal.storage.files import alive
+from radcal.storage.lock import CaseLock, claimed
 
 
 @pytest.fixture(autouse=True)

@@ -15,7 +15,7 @@ from radcal.errors import ConfigError
 from radcal.radar.geometry import write_geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
-from radcal.session.salvage import check_replacement
+from radcal.session.replacement import check_replacement
 from radcal.storage.records import provenance
 
 OUT = Path("results/tiny")

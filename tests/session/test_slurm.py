@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import pytest
 
 from radcal.errors import ClusterError
-from radcal.session.salvage import cancel_leftovers, job_name, remember
+from radcal.session.slurm import cancel_leftovers, job_name, remember
 
 SQUEUE = """#!{python}
 import sys
@@ -66,7 +66,7 @@ def test_where_nothing_is_left_nothing_is_cancelled(queue, tmp_path):
     ids=["no slurm", "no answer", "no end"],
 )
 def test_a_queue_that_cannot_be_emptied_is_a_sentence(queue, tmp_path, monkeypatch, program, text, said):
-    monkeypatch.setattr("radcal.session.salvage._PATIENCE_S", 0.0)
+    monkeypatch.setattr("radcal.session.slurm._PATIENCE_S", 0.0)
     remember(tmp_path / ".slurm", "mine")
     (tmp_path / program).unlink()
     if text is not None:

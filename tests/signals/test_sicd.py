@@ -10,7 +10,7 @@ from sarkit.verification import SicdConsistency
 from signals_samples import errors_of
 
 from radcal.config import FileMeasurement
-from radcal.radar.geometry import of_sigma0
+from radcal.radar.radiometry import of_sigma0
 from radcal.signals.places import site_of
 from radcal.signals.platform import collection
 from radcal.signals.sicd import write_sicd

@@ -6,7 +6,7 @@ import pytest
 from radcal.config import case_from
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
-from radcal.radar.geometry import noise_floor_db
+from radcal.radar.radiometry import noise_floor_db
 from radcal.signals import simulator as made_by
 from radcal.signals.focus import focused
 from radcal.signals.history import RawSignal

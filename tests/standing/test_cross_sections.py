@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from radcal.config import Radar, case_from
-from radcal.config.loading import input_files
+from radcal.config.inputs import input_files
 from radcal.errors import ConfigError, SceneError
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene

@@ -9,8 +9,8 @@ import socket
 
 import pytest
 
-from radcal.storage import files
-from radcal.storage.files import CaseLock, claimed, holder
+from radcal.storage import lock
+from radcal.storage.lock import CaseLock, claimed, holder
 
 
 @pytest.fixture(autouse=True)
@@ -83,8 +83,8 @@ def test_a_folder_in_use_is_left_alone(tmp_path, monkeypatch, said):
         sentences.append(sentence)
         raise SystemExit(1)
 
-    monkeypatch.setattr(files, "leave", leave)
-    monkeypatch.setattr(files, "alive", lambda pid: said is None)
+    monkeypatch.setattr(lock, "leave", leave)
+    monkeypatch.setattr(lock, "alive", lambda pid: said is None)
     with another_process(working(tmp_path, said)), pytest.raises(SystemExit):
         CaseLock(tmp_path).acquire()
     place = " on elsewhere" if said == "1 elsewhere" else ""

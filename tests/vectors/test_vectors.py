@@ -18,7 +18,7 @@ from raster_files import write_raster
 from rasterio.transform import from_origin
 
 from radcal.config import case_from
-from radcal.config.loading import input_files
+from radcal.config.inputs import input_files
 from radcal.errors import SceneError
 from radcal.scene.base import scene_size
 from radcal.scene.grid import Grid

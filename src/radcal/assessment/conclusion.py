@@ -22,7 +22,8 @@ from radcal.objectives import Comparison
 from radcal.objectives.history import History
 from radcal.posterior.cells import weights_of_facets
 from radcal.posterior.result import Image, Posterior
-from radcal.radar.geometry import Geometry, with_noise_db
+from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import with_noise_db
 from radcal.registration.gefolki import find_flow, pyramid
 from radcal.registration.registered import Registered
 from radcal.targets.target import Target, Targets, level_only

@@ -19,12 +19,13 @@ from radcal.posterior.cells import CellMeans
 from radcal.posterior.curves import curves_of
 from radcal.posterior.effects import Observed
 from radcal.posterior.fixed_laws import image_from
+from radcal.posterior.form_error import form_error, noticed_db
 from radcal.posterior.prediction import constant_of, field_check, left_out
-from radcal.posterior.quantiles import Form, form_error, noticed_db, points_of, summary, with_band, without_cells
+from radcal.posterior.quantiles import Form, points_of, summary, with_band, without_cells
 from radcal.posterior.result import Image, Posterior
 from radcal.processes import one_thread
 from radcal.proposals.surrogate import Surrogate
-from radcal.radar.geometry import with_noise_db
+from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_seed
 from radcal.targets.target import Targets, level_only
 

@@ -17,7 +17,7 @@ from radcal.ground.ground import Blocks
 from radcal.ground.levels import Levels, median_and_range
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
 from radcal.posterior.cells import WITHOUT_AREA, CellMeans, Simulated, area_db, cell_means
-from radcal.radar.geometry import noise_floor_db
+from radcal.radar.radiometry import noise_floor_db
 from radcal.seeds import derived_seed
 from radcal.simulators.runner import runners_of
 from radcal.targets.target_fit import fields_of

@@ -14,7 +14,8 @@ from radcal.laws import Law
 from radcal.posterior.cells import DB, cell_keys, members
 from radcal.posterior.curves import NORMAL_90, levels_at
 from radcal.posterior.result import KeptDraws
-from radcal.radar.geometry import Geometry, noise_floor_db, with_noise_db
+from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db, with_noise_db
 from radcal.scene.model import Scene
 from radcal.targets.target_fit import fields_of
 

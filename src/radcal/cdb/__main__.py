@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from radcal.cdb.materials import CdbMapping, weights
 from radcal.cdb.mosaic import Log
-from radcal.cdb.source import CdbMapping, weights
 from radcal.errors import RadcalError, SceneError
 from radcal.reading.cdb import cdb_files
 from radcal.vectors.mapping import read_mapping

@@ -26,7 +26,8 @@ from numpy.typing import NDArray
 from radcal.errors import RadcalError, SceneError, UnreadFile
 from radcal.findings import Finding
 from radcal.reading.cdb import CdbFile
-from radcal.reading.intake import check_blocks, guarded, in_memory, open_raster
+from radcal.reading.intake import guarded
+from radcal.reading.rasters import check_blocks, in_memory, open_raster
 from radcal.scene.crs import transformer
 from radcal.scene.grid import LARGEST_CELLS, Grid, Source
 from radcal.scene.raster import HIGHEST_M, LOWEST_M

@@ -9,7 +9,7 @@ from typing import Any
 
 from radcal.checking.outlook import bright_laws, cells_of, fixed_laws, hidden_ground, high_noise, outlook, unreachable
 from radcal.config import Case, FileMeasurement, input_files, load_with_problems
-from radcal.config.loading import check_reuse, missing_inputs
+from radcal.config.inputs import check_reuse, missing_inputs
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, MissingSign, RadcalError
 from radcal.findings import Finding, of_pass
@@ -25,7 +25,7 @@ from radcal.radar.geometry import Geometry
 from radcal.reading.base import reader_of
 from radcal.scene.model import Scene
 from radcal.sections.measurement import starts_as_truth
-from radcal.session.salvage import check_replacement
+from radcal.session.replacement import check_replacement
 from radcal.words import sentence
 
 Say = Callable[[str], None]
@@ -263,7 +263,8 @@ def _check_pass(
 
 def _measured(one: Case, geometry: Geometry, scene: Scene, number: int) -> Measurement | None:
     """Measured image of a pass; None for a synthetic one that an external program or a long run would make."""
-    from radcal.measurement.sources import check_synthetic, make_measurement
+    from radcal.measurement.sources import make_measurement
+    from radcal.measurement.synthetic import check_synthetic
     from radcal.simulators.runner import make_simulator
 
     stage = STAGES["measurement"].of(one)

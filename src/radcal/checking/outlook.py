@@ -34,7 +34,8 @@ from radcal.image.model import Measurement
 from radcal.posterior.cells import CellMeans, Simulated
 from radcal.posterior.curves import NORMAL_90
 from radcal.posterior.fixed_laws import apart_db
-from radcal.radar.geometry import Geometry, noise_floor_db
+from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db
 from radcal.registration.registered import LEAST_CONTRAST_DB, Registered, contrast_db
 from radcal.scene.model import Scene
 from radcal.sections.simulator import BuiltinSimulation

@@ -136,7 +136,7 @@ def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[s
     """
     from radcal.config.stages import STAGES
     from radcal.errors import ConfigError
-    from radcal.sections.base import nearest
+    from radcal.sections.errors import nearest
 
     first = {name: next(iter(stage.outputs.values())) for name, stage in STAGES.items()}
     looped = {name: path for name, path in first.items() if "{k}" in path}

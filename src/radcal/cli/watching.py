@@ -13,7 +13,8 @@ import typer
 from radcal.config import load
 from radcal.forecast.runs_and_time import Standing, standing
 from radcal.products.showing import show
-from radcal.storage.files import atomic, holder
+from radcal.storage.files import atomic
+from radcal.storage.lock import holder
 
 _EVERY_S = 5.0
 _CLEAR = "\x1b[2J\x1b[H"  # the terminal

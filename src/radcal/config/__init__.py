@@ -6,7 +6,8 @@ models. In the default case, every key has its default value; ``python -m radcal
 """
 
 from radcal.config.case import Case
-from radcal.config.loading import case_from, expand_path, input_files, load, load_forward, load_with_problems
+from radcal.config.inputs import expand_path, input_files
+from radcal.config.loading import case_from, load, load_forward, load_with_problems
 from radcal.sections.materials import Material
 from radcal.sections.measurement import FileMeasurement, RegistrationConfig, SyntheticMeasurement
 from radcal.sections.radar import Radar

@@ -14,7 +14,8 @@ from radcal.bands import WIDTH_FACTOR, same_label
 from radcal.config.fitting_defaults import fitting_defaults, with_starting_laws
 from radcal.config.part import Measurements, Part, Radars
 from radcal.laws import DEFAULT_LAW, EXTERNAL, laws_known
-from radcal.sections.base import PASSES, CaseName, Mistake, Wrong, key_in_list, mistakes_of, nearest
+from radcal.sections.base import PASSES, CaseName
+from radcal.sections.errors import Mistake, Wrong, key_in_list, mistakes_of, nearest
 from radcal.sections.limits import Seed
 from radcal.sections.materials import Material, OtherLaw, check_parameters, default_materials
 from radcal.sections.measurement import (

@@ -6,7 +6,7 @@ from typing import Any
 
 from radcal.config.part import Part
 from radcal.laws import DEFAULT_LAW, EXTERNAL
-from radcal.sections.base import Wrong
+from radcal.sections.errors import Wrong
 from radcal.sections.measurement import (
     MeasurementConfig,
     SyntheticMeasurement,

@@ -14,7 +14,7 @@ from typing import Any
 import yaml
 
 from radcal.errors import ConfigError
-from radcal.sections.base import key_in_list, shown
+from radcal.sections.errors import key_in_list, shown
 
 _LARGEST_BYTES = 200_000  # size limit of a case file: about twenty times the size of radcal's longest case file
 _LARGEST_VALUES = 200_000  # limit after every alias is expanded; no case file without aliases contains as many values

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from radcal.bands import letter_band, within_band
 from radcal.config import Radar
 from radcal.findings import Finding
-from radcal.radar.geometry import nesz_db
+from radcal.radar.radiometry import nesz_db
 
 # over one degree the laws of natural surfaces change by up to 1 dB (docs/measured_images.md, "One incidence")
 _INCIDENCE_DEG = 1.0

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import FileMeasurement, Radar, expand_path
-from radcal.config.loading import vrt_folders
+from radcal.config.inputs import vrt_folders
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
 from radcal.reading.base import FileReader, reader_of

@@ -15,7 +15,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.ground.ground import Classes, Ground, class_of
+from radcal.ground.bins import Classes, class_of
+from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread
 from radcal.inference.incidence_error import attenuation, true_nodes
 from radcal.inference.moments import from_cumulants, sampling_covariance

@@ -12,7 +12,8 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from radcal.ground.ground import Classes, Ground, class_of, incidence_edges, make_classes, winsorised
+from radcal.ground.bins import Classes, class_of, incidence_edges, make_classes, winsorised
+from radcal.ground.ground import Ground
 from radcal.ground.patches import Residuals as CellResiduals
 from radcal.ground.patches import Spread, spreads
 from radcal.inference.bounded import distant, least_squares, sobol

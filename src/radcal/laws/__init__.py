@@ -24,8 +24,10 @@ from dataclasses import replace
 from typing import Any
 
 from radcal.laws.base import EXTERNAL, OF_PASS, Law, seen_rad
-from radcal.laws.curves import CURVES, GRAZING, SOIL
+from radcal.laws.curves import CURVES
 from radcal.laws.formula import FORMULA, formula_law, refuse_infinite
+from radcal.laws.grazing import GRAZING
+from radcal.laws.soil import SOIL
 from radcal.plugins import Plugins
 
 __all__ = [

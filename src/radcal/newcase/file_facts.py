@@ -15,7 +15,8 @@ from numpy.typing import NDArray
 from radcal.errors import ConfigError
 from radcal.image.acquisition import Acquisition
 from radcal.reading.arrays import is_raster
-from radcal.reading.intake import check_blocks, guarded, open_raster
+from radcal.reading.intake import guarded
+from radcal.reading.rasters import check_blocks, open_raster
 from radcal.reading.vectors import read_vectors
 from radcal.scene.crs import crs_of, horizontal, label, pixel_size_m, vertical_datum
 from radcal.vectors.mapping import MOST_MATERIALS, text_of

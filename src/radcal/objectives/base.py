@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from radcal.config import Stop
 from radcal.findings import Finding
-from radcal.ground.ground import Classes
+from radcal.ground.bins import Classes
 from radcal.inference.misfit import BinMisfit, LawForward, Misfit
 from radcal.inference.pooled_laws import LOOKS
 from radcal.inference.priors import CurvePrior

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from radcal import skewnormal
 from radcal.config import Stop
-from radcal.ground.ground import Classes
+from radcal.ground.bins import Classes
 from radcal.inference.misfit import LawForward, drawn
 from radcal.inference.moments import from_cumulants, from_dp, to_dp
 from radcal.inference.pooled_laws import bins_of

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from radcal.config import Uncertainty
 from radcal.posterior.effects import Observed, Shared, common_columns
 from radcal.posterior.fixed_laws import CELL_DB, FIELD_SPREAD, half_normal
-from radcal.posterior.sampling import Marginal, Sample, integrated, mixed, normal_draws, sample
+from radcal.posterior.marginal import Marginal, integrated, normal_draws
+from radcal.posterior.sampling import Sample, mixed, sample
 
 Doubles = NDArray[np.float64]
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from radcal.config import Radar
 from radcal.laws import Law
-from radcal.radar.geometry import noise_floor_db, of_sigma0, with_noise_db
+from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
 
 if TYPE_CHECKING:
     from radcal.ground.correlation import Correlation

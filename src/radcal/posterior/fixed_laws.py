@@ -12,9 +12,10 @@ from radcal.config import Uncertainty
 from radcal.posterior.cells import CellMeans
 from radcal.posterior.curves import NORMAL_90
 from radcal.posterior.effects import FIXED_FORMS, Observed, Shared, common_columns, expected_effects, law_columns
+from radcal.posterior.marginal import Marginal, integrated, normal_draws
 from radcal.posterior.radiometry import Radiometry, before_the_image, likely, other_term, shown_by
 from radcal.posterior.result import Image
-from radcal.posterior.sampling import Marginal, integrated, mixed, normal_draws, sample
+from radcal.posterior.sampling import mixed, sample
 
 Doubles = NDArray[np.float64]
 

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from radcal.angles import MEAN_RADIUS_M
 from radcal.config import Radar
 from radcal.laws import Law
-from radcal.laws.curves import RURAL, land_clutter
+from radcal.laws.grazing import RURAL, land_clutter
 from radcal.radar.facets import ANGLES_PER_RADIAN
 from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene

@@ -19,7 +19,7 @@ from radcal.ppi.scan import Sweep, detected, one_turn
 from radcal.radar.geometry import Geometry
 from radcal.scene.crs import longitude_latitude
 from radcal.scene.model import Scene
-from radcal.sections.base import nearest
+from radcal.sections.errors import nearest
 from radcal.sections.ppi import Ppi
 from radcal.signals.platform import carrier_hz
 from radcal.simulators.forward import Forward

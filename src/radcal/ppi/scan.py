@@ -10,7 +10,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from radcal.laws.curves import weibull_power
+from radcal.laws.grazing import weibull_power
 from radcal.ppi.ground import Array, Ground, Points
 from radcal.sections.ppi import Ppi
 from radcal.seeds import derived_rng

@@ -19,7 +19,7 @@ from radcal.config.stages import STAGES
 from radcal.errors import ConfigError
 from radcal.figures.applied_figures import KNOWN, OUTSIDE, SEEN, Prediction, draw_predictions
 from radcal.figures.map_figures import gray_scale
-from radcal.ground.ground import class_of, incidence_edges
+from radcal.ground.bins import class_of, incidence_edges
 from radcal.ground.one_incidence import LEAST_SPAN_DEG
 from radcal.laws import OF_PASS, Law
 from radcal.measurement.sources import make_measurement

@@ -188,7 +188,7 @@ class Results:
         """Values of an exported image, its tags and CRS, and the six coefficients of its affine transform."""
         from rasterio.errors import RasterioError
 
-        from radcal.reading.intake import open_raster
+        from radcal.reading.rasters import open_raster
 
         if name not in self.images:
             raise StoreError(f"{self.folder / 'export'}: no image {name!r}, expected one of {self.images}.")

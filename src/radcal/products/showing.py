@@ -15,7 +15,7 @@ from radcal.findings import Finding
 from radcal.forecast.runs_and_time import duration, runs_in_words
 from radcal.products.opening import open_results
 from radcal.results.law_notes import found_words
-from radcal.storage.files import holder
+from radcal.storage.lock import holder
 from radcal.storage.records import understood
 from radcal.words import ENDINGS, beside_headline
 

@@ -22,10 +22,10 @@ from radcal.products.geotiff import Layer, of_pass, write_layers
 from radcal.products.tables import aligned, write_csv
 from radcal.radar.geometry import Geometry, write_geometry
 from radcal.radar.projection import make_geometry
-from radcal.reading.intake import open_raster
+from radcal.reading.rasters import open_raster
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
-from radcal.sections.base import nearest
+from radcal.sections.errors import nearest
 from radcal.seeds import noise_seed
 from radcal.signals.sicd import write_sicd
 from radcal.simulators.forward import Forward, write_complex

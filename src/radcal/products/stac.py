@@ -44,7 +44,7 @@ def stac_item(folder: Path, summary: Mapping[str, Any], images: Iterable[str]) -
     """
     import pystac
 
-    from radcal.reading.intake import open_raster
+    from radcal.reading.rasters import open_raster
 
     folder = folder.resolve()
     with read_hdf5(folder / "calibration.h5", "calibration") as file:

@@ -18,7 +18,7 @@ import tomli_w
 from numpy.typing import NDArray
 
 from radcal.config import CommandSimulation
-from radcal.config.loading import executable_path
+from radcal.config.inputs import executable_path
 from radcal.config.part import Part
 from radcal.errors import ConfigError, SimulatorError, StoreError, WrongNumbers
 from radcal.programs.command_plan import CommandPlan, check_image_shape, handed

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from radcal.config import Case, CommandSimulation, Material, SyntheticMeasurement, expand_path
-from radcal.config.loading import executable_path, files_below
+from radcal.config.inputs import executable_path, files_below
 from radcal.config.part import Part
 from radcal.config.stages import STAGES
 from radcal.errors import ConfigError, SimulatorError

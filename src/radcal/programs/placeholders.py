@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 from radcal.errors import ConfigError, SimulatorError
-from radcal.sections.base import nearest
+from radcal.sections.errors import nearest
 
 SEED = "noise_seed"
 _RANGE = re.compile(r"\s*(-?\d{1,19})\.\.(-?\d{1,19})\s*(?::(.*))?", re.DOTALL)

@@ -24,9 +24,10 @@ from radcal.radar.facets import (
     order_facets,
 )
 from radcal.radar.footprints import Boxes, Spots, bearing_deg, to_boxes_and_spots
-from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip, of_sigma0, starts
+from radcal.radar.geometry import Frame, Geometry, PointScatterers, Strip, starts
 from radcal.radar.lines import BLOCK, ENDS, HALO, Lines, blocks, ends, fill_lines, ground_of, share_out
 from radcal.radar.points import not_pure
+from radcal.radar.radiometry import of_sigma0
 from radcal.radar.size import check_size, refinement
 from radcal.scene.base import SceneSize
 from radcal.scene.crs import earth_radius_m, ground_per_grid

@@ -14,7 +14,8 @@ import scipy
 
 from radcal.processes import apart
 from radcal.reading.images import ImageFile, Values, check_header, reading
-from radcal.reading.intake import check_blocks, elsewhere, open_raster
+from radcal.reading.intake import elsewhere
+from radcal.reading.rasters import check_blocks, open_raster
 
 _HDF5_SPARE_BYTES = 64 << 20  # number of bytes by which a chunk may be larger than its dataset
 # filters of the HDF5 library: deflate, shuffle, Fletcher-32, szip, n-bit, scale-offset

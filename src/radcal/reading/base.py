@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from radcal.plugins import Plugins
-from radcal.reading.intake import raster_files
 from radcal.reading.products import NamedProduct, named_product
+from radcal.reading.rasters import raster_files
 
 
 class FileReader(ABC):

@@ -11,9 +11,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from radcal.config import expand_path
-from radcal.config.loading import vrt_folders
+from radcal.config.inputs import vrt_folders
 from radcal.errors import SceneError
-from radcal.reading.intake import LARGEST_VALUES, guarded, open_raster
+from radcal.reading.intake import LARGEST_VALUES, guarded
+from radcal.reading.rasters import open_raster
 from radcal.scene.crs import METRES, crs_from, crs_of, horizontal, same_place, transformer, turned, utm
 from radcal.sections.scene import GridScene
 

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from radcal.config import RasterScene, expand_path
 from radcal.errors import SceneError
 from radcal.findings import Finding, Severity
-from radcal.reading.intake import check_blocks, guarded, in_memory
+from radcal.reading.intake import guarded
+from radcal.reading.rasters import check_blocks, in_memory
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.crs import (
     METRES,

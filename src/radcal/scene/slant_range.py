@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal.config import SlantRangeScene, expand_path
-from radcal.config.loading import vrt_folders
+from radcal.config.inputs import vrt_folders
 from radcal.errors import SceneError
-from radcal.reading.intake import LARGEST_VALUES, check_blocks, guarded, open_raster
+from radcal.reading.intake import LARGEST_VALUES, guarded
+from radcal.reading.rasters import check_blocks, open_raster
 from radcal.scene.base import SceneSize, SceneSource
 from radcal.scene.model import Scene
 from radcal.scene.names import by_id, read_names

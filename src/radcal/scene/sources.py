@@ -8,8 +8,9 @@ from radcal.config import expand_path
 from radcal.findings import Finding
 from radcal.scene.base import source_of
 from radcal.scene.model import Scene
+from radcal.scene.object_generator import generate_objects
 from radcal.scene.object_tables import Place, read_objects
-from radcal.scene.objects import Objects, generate_objects
+from radcal.scene.objects import Objects
 from radcal.sections.scene import SCENES, SceneConfig, SceneObjects
 from radcal.standing.cross_sections import cross_sections
 from radcal.storage.files import digest

@@ -9,7 +9,8 @@ from typing import Annotated, Self
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from radcal.laws import DEFAULT_LAW, EXTERNAL, FORMULA, OF_PASS, Law, law_for, laws_known, refuse_infinite
-from radcal.sections.base import Section, Wrong, nearest
+from radcal.sections.base import Section
+from radcal.sections.errors import Wrong, nearest
 from radcal.sections.limits import Parameter, Real
 from radcal.tables import read_table
 

@@ -11,7 +11,8 @@ from pydantic_core import PydanticCustomError, PydanticKnownError
 from radcal.findings import Finding, of_pass
 from radcal.plugins import Plugins
 from radcal.reading.base import reader_of
-from radcal.sections.base import MISSING, Band, Dataset, Section, VrtFolders, with_tag
+from radcal.sections.base import Band, Dataset, Section, VrtFolders, with_tag
+from radcal.sections.errors import MISSING
 from radcal.sections.limits import Decibels, Length, Looks, Parameter, Real, Seed
 from radcal.sections.materials import OtherLaw
 from radcal.sections.radar import Radiometry

@@ -7,7 +7,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from radcal.sections.base import Section, Wrong
+from radcal.sections.base import Section
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import Altitude, Coordinate, FalseAlarms, Integer, Length, Positive, Real
 
 _HALF_LIGHT_M_S = 0.5 * 299_792_458.0  # distance of a target by the time of its echo

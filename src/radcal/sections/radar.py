@@ -21,7 +21,8 @@ from pydantic import (
 
 from radcal.angles import depression_deg, incidence_deg
 from radcal.bands import WIDTH_FACTOR, within_band
-from radcal.sections.base import Section, Wrong
+from radcal.sections.base import Section
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import Altitude, Decibels, Frequency, Integer, Length, Looks, Positive, Real
 from radcal.tables.sensors import SensorName, sensors
 

@@ -13,7 +13,8 @@ from pydantic import AfterValidator, Field, SerializeAsAny, model_validator
 from radcal.plugins import HasSection, Plugins, with_foreign
 from radcal.reading.cdb import BASE_MATERIALS, cdb_files, imagery_files
 from radcal.reading.vectors import ENDINGS
-from radcal.sections.base import Section, VrtFolders, Wrong, with_tag
+from radcal.sections.base import Section, VrtFolders, with_tag
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import Coordinate, Decibels, Integer, Length, Real, Seed
 from radcal.tables.landcover import LandCover
 

@@ -8,7 +8,8 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 
 from radcal.plugins import HasSection, Plugins, with_foreign
-from radcal.sections.base import Band, Dataset, Section, Wrong, with_tag
+from radcal.sections.base import Band, Dataset, Section, with_tag
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import LONGEST_S, Count, Integer, RetryWait, Timeout
 
 _KIND = "kind of simulator: builtin (part of radcal) or command (an external program)"

@@ -6,7 +6,8 @@ from typing import Annotated, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from radcal.sections.base import Section, Wrong
+from radcal.sections.base import Section
+from radcal.sections.errors import Wrong
 from radcal.sections.limits import ALL_PIXELS, Count, Decibels, Integer, Real
 
 Share = Annotated[Real, Field(ge=0, le=1)]

@@ -1,48 +1,22 @@
-"""Check of what earlier commands have left, before Snakemake plans jobs: results, and jobs in Slurm's queue.
-
-Damaged files are renamed, so that jobs make them again. Jobs that remain in the queue after Snakemake was killed are
-cancelled.
-
-Nor may a command replace a finished calibration of another scene or pass. A refusal by a job would be too late:
-Snakemake records the parameters of a failed job as those of its earlier output, so that the original command would make
-everything from this output on again.
-"""
+"""Check of a results folder before Snakemake plans jobs; damaged files are renamed, so that jobs make them again."""
 
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import os
 import re
 import shutil
-import subprocess
-import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import h5py
-from pydantic import ValidationError
-
 from radcal.config import Case
-from radcal.config.part import Part
-from radcal.config.stages import OUTPUTS, STAGES
-from radcal.errors import ClusterError, ConfigError, DamagedError, RenamedFile, StoreError
+from radcal.config.stages import OUTPUTS
+from radcal.errors import DamagedError, RenamedFile, StoreError
 from radcal.radar import simulator_version
-from radcal.storage.files import atomic, case_folder, clamp_future_mtimes, file_sha256, first_difference
-from radcal.storage.records import (
-    CHECKSUMS,
-    Fault,
-    inspect,
-    inspect_file,
-    kind_of,
-    provenance,
-    read_json,
-    set_aside,
-    understood,
-)
+from radcal.storage.files import clamp_future_mtimes, file_sha256
+from radcal.storage.records import CHECKSUMS, Fault, inspect, kind_of, provenance, read_json, set_aside
 from radcal.storage.runs import RunStore, read_index
 
 _MOST_BYTES = 16 * 2**20
@@ -60,7 +34,6 @@ _EARLIER = (
 )  # fmt: skip
 
 logger = logging.getLogger(__name__)
-_PATIENCE_S = 120.0  # by default Slurm gives a cancelled job 30 s to end (KillWait)
 
 
 def files_of(folder: str | Path) -> Iterator[Path]:
@@ -263,177 +236,3 @@ def simulator_change(folder: str | Path, case: Case) -> list[str]:
         f"the built-in simulator is version {ours} now, the runs of {folder} are of version {theirs.get('version')}: "
         f"runs are made anew, and the old ones are kept in {folder / 'runs'} (docs/simulator.md says what changed)."
     ]
-
-
-def check_replacement(case: Case, folder: str | Path, inputs: Mapping[str, Path]) -> None:
-    """Raise an error if a command would replace scene or geometry of a finished calibration by another.
-
-    The scene is built for a comparison only if section ``scene`` has changed or one of its files is newer.
-
-    Parameters
-    ----------
-    case : Case
-        Configuration of the case.
-    folder : path
-        Results folder of the case, ``results/<case>``.
-    inputs : mapping
-        Input files of the case by configuration key.
-
-    Raises
-    ------
-    ConfigError
-        The command would replace results, and ``replace`` is false.
-    SceneError
-        The changed scene cannot be built.
-    """
-    folder = Path(folder)
-    if case.replace or not (folder / "calibration.h5").is_file():
-        return
-    with provenance(case.case):
-        for number, one in enumerate(case.passes, start=1):
-            _check_geometry(one, folder / f"passes/{number}/geometry.h5")
-        _check_scene(case, folder / "scene.h5", [path for key, path in inputs.items() if key.startswith("scene.")])
-
-
-def _check_geometry(case: Case, path: Path) -> None:
-    def alike() -> bool:
-        from radcal.radar.geometry import is_of_pass  # imported here, because every job imports this module
-
-        return is_of_pass(path, case.radar, case.simulator.not_told)
-
-    _check(case, path, "geometry", lambda recorded: recorded.radar == case.radar, alike)
-
-
-def _check_scene(case: Case, path: Path, files: list[Path]) -> None:
-    def unchanged(recorded: Part) -> bool:
-        # the scene itself does not depend on the materials, which are the other section that its rule reads
-        return recorded.scene == case.scene and all(file.stat().st_mtime <= path.stat().st_mtime for file in files)
-
-    def alike() -> bool:
-        from radcal.scene.model import Scene
-        from radcal.scene.sources import make_scene
-        from radcal.storage.dataclass_groups import same, take
-
-        made = make_scene(case.scene, list(case.materials), case.radar.heading_deg)
-        with understood(path), h5py.File(path, "r", locking=False) as file:
-            kept = take(file, Scene, without=("findings", "imagery"))  # which affect no result
-        return same(kept, replace(made, findings=(), imagery=None))
-
-    _check(case, path, "scene", unchanged, alike)
-
-
-def _check(case: Case, path: Path, kind: str, unchanged: Callable[[Part], bool], alike: Callable[[], bool]) -> None:
-    """Raise an error if a file is undamaged, and neither its sections nor its values are those of the case."""
-    try:
-        inspect_file(path, kind, _MOST_BYTES)
-        with h5py.File(path, "r", locking=False) as file:
-            theirs = json.loads(file["config"].asstr()[()])
-        if unchanged(STAGES[kind].model.model_validate(theirs)):
-            return
-        if path.stat().st_size > _MOST_BYTES:
-            inspect_file(path, kind)
-    except (Fault, OSError, StoreError, KeyError, ValueError, ValidationError):
-        return  # a missing or damaged file need not be kept
-    if alike():
-        return
-    ours = json.loads(json.dumps(STAGES[kind].params(case), default=str))
-    why = first_difference(theirs, ours) if theirs != ours else "the files that it is made from are others"
-    raise ConfigError(
-        f"{case_folder(path)} holds a finished calibration of another {kind} ({why}), which stays as it is: give this "
-        "one a name of its own (case: ...), or add --config replace=true (to radcal run: --set replace=true) to have "
-        "those results replaced (runs are kept)."
-    )
-
-
-def job_name(workflow: Any) -> str | None:
-    """Common name of all Slurm jobs of a Snakemake command in the queue; None if jobs do not run on Slurm.
-
-    Parameters
-    ----------
-    workflow : snakemake.workflow.Workflow
-        Workflow whose scheduler exists already, as in ``onstart``. Snakemake's plugin for Slurm chooses the name.
-    """
-    if workflow.executor_plugin.name != "slurm":
-        return None
-    name: str | None = getattr(workflow.scheduler._executor, "run_uuid", None)
-    return name
-
-
-def remember(file: str | Path, name: str) -> None:
-    """Write the common name of a command's Slurm jobs to a file, before the first of these jobs is submitted.
-
-    Parameters
-    ----------
-    file : path
-        File in the results folder of the case.
-    name : str
-        Common name of the jobs in Slurm's queue.
-    """
-    with atomic(file) as partial:  # an incomplete name might match other jobs
-        partial.write_text(name + "\n", encoding="utf-8")
-
-
-def cancel_leftovers(file: str | Path) -> int:
-    """Cancel the jobs of an earlier command that remain in Slurm's queue, and wait until they have ended.
-
-    Without the cancellation, the jobs of the earlier command would write the same files as the present jobs.
-
-    Parameters
-    ----------
-    file : path
-        File written by :func:`remember`; if the file is missing, no job is cancelled.
-
-    Returns
-    -------
-    int
-        Number of jobs cancelled.
-
-    Raises
-    ------
-    ClusterError
-        Slurm does not answer, or a cancelled job does not end within two minutes.
-    """
-    file = Path(file)
-    try:
-        name = file.read_text(encoding="utf-8").strip()
-    except FileNotFoundError:
-        return 0
-    found = _jobs(name, file)
-    if found:
-        _ask(["scancel", *found], file)
-        deadline = time.monotonic() + _PATIENCE_S
-        while left := _jobs(name, file):
-            if time.monotonic() > deadline:
-                raise ClusterError(
-                    f"jobs {', '.join(left)} of an earlier snakemake do not end: wait for them, then type the same "
-                    "command again."
-                )
-            time.sleep(0.5)
-    file.unlink(missing_ok=True)
-    return len(found)
-
-
-def _jobs(name: str, file: Path) -> list[str]:
-    """Job numbers of all queued, running or ending Slurm jobs with the given name."""
-    return _ask(["squeue", "--noheader", f"--user={os.geteuid()}", f"--name={name}", "--format=%A"], file).split()
-
-
-def _ask(command: Sequence[str], file: Path) -> str:
-    """Standard output of a Slurm command; a failure raises a ClusterError."""
-    program = shutil.which(command[0])
-    if program is None:
-        raise ClusterError(
-            f"jobs of an earlier snakemake may be in the queue of a cluster, and there is no {command[0]} here: go on "
-            f"where it was started, or, if none is left, delete {file}."
-        )
-    try:
-        done = subprocess.run([program, *command[1:]], capture_output=True, text=True, timeout=60, check=False)  # noqa: S603
-    except subprocess.TimeoutExpired:
-        raise ClusterError(f"{command[0]} does not answer: is the cluster's controller up (scontrol ping)?") from None
-    if done.returncode != 0:
-        words = (done.stderr.strip() or "no message").splitlines()[-1]
-        raise ClusterError(
-            f"{command[0]} failed ({words}): jobs of an earlier snakemake may be in the cluster's queue; try again "
-            "once it answers."
-        )
-    return done.stdout

@@ -13,16 +13,20 @@ from pathlib import Path
 from typing import Any
 
 from radcal.config import Case
-from radcal.config.loading import check_reuse, load_with_inputs
+from radcal.config.inputs import check_reuse
+from radcal.config.loading import load_with_inputs
 from radcal.config.yaml_file import settings
 from radcal.errors import RadcalError, StoreError
 from radcal.forecast.runs_and_time import standing
 from radcal.programs.command_plan import check_command
 from radcal.sections.measurement import starts_as_truth
 from radcal.session.jobs import CASE, COMMAND, FAILURE, OWNER, PASSES, PROGRESS, RESULTS, STARTED, Follower, elapsed
-from radcal.session.salvage import cancel_leftovers, check_replacement, files_of, remember, salvage, simulator_change
+from radcal.session.replacement import check_replacement
+from radcal.session.salvage import files_of, salvage, simulator_change
+from radcal.session.slurm import cancel_leftovers, remember
 from radcal.session.terminal import BAR, Bar, Guarded, Messages, Repeated, can_draw, guard, write_protected
-from radcal.storage.files import CaseLock, leave, unwritable
+from radcal.storage.files import unwritable
+from radcal.storage.lock import CaseLock, leave
 from radcal.storage.records import read_json
 from radcal.words import sentence
 

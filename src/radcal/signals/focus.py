@@ -14,7 +14,7 @@ from radcal.compiled import threaded
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.findings import Finding
-from radcal.radar.geometry import of_sigma0
+from radcal.radar.radiometry import of_sigma0
 from radcal.scene.model import Scene
 from radcal.signals.history import BLOCK, TAPS, Pulses, cell_before, converted, grid_kernel, kept, signal_of, turned
 from radcal.signals.places import image_places

@@ -16,7 +16,7 @@ from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.radar.earth import line_of_sight
-from radcal.radar.geometry import nesz_db
+from radcal.radar.radiometry import nesz_db
 from radcal.scene.model import Scene
 from radcal.sections.ppi import Ppi
 from radcal.sections.radar import Signals

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from radcal.errors import ConfigError
 from radcal.findings import Finding
 from radcal.radar.earth import line_of_sight
-from radcal.radar.geometry import of_sigma0
+from radcal.radar.radiometry import of_sigma0
 from radcal.signals.places import Site, image_places, site_of, start_utc
 from radcal.signals.platform import LIGHT_MPS, Collection, Doubles, collection
 from radcal.simulators.forward import Forward

@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from radcal.config.part import Part
 from radcal.config.stages import model_of
 from radcal.radar import simulator_version
-from radcal.radar.geometry import Geometry, nesz_db
+from radcal.radar.geometry import Geometry
 from radcal.radar.projection import LitFacets
+from radcal.radar.radiometry import nesz_db
 from radcal.radar.reflectivity import law_tables
 from radcal.scene.model import Scene
 from radcal.signals.focus import check, focused

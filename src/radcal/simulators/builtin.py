@@ -14,8 +14,9 @@ from radcal.config import Radar
 from radcal.config.part import Part
 from radcal.laws import Law
 from radcal.radar import simulator_version
-from radcal.radar.geometry import Geometry, noise_floor_db
+from radcal.radar.geometry import Geometry
 from radcal.radar.image import ImageFormation, decibels
+from radcal.radar.radiometry import noise_floor_db
 from radcal.radar.reflectivity import Reflectivity, law_tables, reflectivity
 
 

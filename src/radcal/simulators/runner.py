@@ -26,7 +26,8 @@ from radcal.seeds import derived_seed
 from radcal.seeds import noise_seed as seed_of_noise
 from radcal.simulators.base import Looks, Simulator, SimulatorKind
 from radcal.speckle.texture import equal_texture, texture_db, texture_order
-from radcal.storage.files import claimed, digest
+from radcal.storage.files import digest
+from radcal.storage.lock import claimed
 from radcal.storage.runs import Parameters, Record, RunStore
 
 

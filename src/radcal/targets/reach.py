@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike, NDArray
 from radcal.config.part import Part
 from radcal.errors import ConfigError
 from radcal.laws import Law
-from radcal.radar.geometry import with_noise_db
+from radcal.radar.radiometry import with_noise_db
 from radcal.seeds import derived_rng
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.targets.target import Targets

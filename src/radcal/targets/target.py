@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from radcal import skewnormal
+from radcal.ground.bins import Classes, class_cumulants, winsorised
 from radcal.ground.correlation import Correlation
 from radcal.ground.goodness import Goodness
-from radcal.ground.ground import Classes, Ground, class_cumulants, winsorised
+from radcal.ground.ground import Ground
 from radcal.ground.levels import Levels
 from radcal.ground.one_incidence import seen_at_one_incidence
 from radcal.ground.patches import Spread

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from radcal import skewnormal
 from radcal.config.part import Part
 from radcal.errors import MeasurementError
+from radcal.ground.bins import incidence_edges
 from radcal.ground.correlation import estimate_correlation
 from radcal.ground.goodness import goodness_of_fit
-from radcal.ground.ground import Blocks, Ground, incidence_edges
+from radcal.ground.ground import Blocks, Ground
 from radcal.ground.levels import Levels, image_levels, offset_levels
 from radcal.ground.patches import label_patches, patches_seen
 from radcal.ground.pixels import IN_THE_NOISE, eligible_pixels, noise_limited, point_targets
@@ -22,7 +23,8 @@ from radcal.inference.incidence_error import registration_error_deg
 from radcal.inference.misfit import BinMisfit, Method, Misfit
 from radcal.inference.pooled_laws import fit_laws
 from radcal.laws import law_for
-from radcal.radar.geometry import Geometry, noise_floor_db
+from radcal.radar.geometry import Geometry
+from radcal.radar.radiometry import noise_floor_db
 from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.seeds import derived_rng

@@ -12,7 +12,8 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from radcal.config.yaml_file import read_case_file
 from radcal.errors import SceneError
-from radcal.sections.base import Section, first_of, mistakes
+from radcal.sections.base import Section
+from radcal.sections.errors import first_of, mistakes
 from radcal.sections.limits import Decibels, Length
 from radcal.sections.scene import Permittivity
 
