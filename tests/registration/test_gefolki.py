@@ -61,6 +61,16 @@ def test_threads_change_nothing():
         np.testing.assert_array_equal(gefolki(fixed, moving), alone)
 
 
+def test_contrast_turned_over_is_registered_alike():
+    field = smooth_field(4, 4.0, 50.0)
+    fixed, moving = pair(field)
+    assert error(gefolki(fixed, -moving), field) < 0.4
+    # half of the image turned over
+    mixed = moving.copy()
+    mixed[:, SHAPE[1] // 2 :] *= -1.0
+    assert error(gefolki(fixed, mixed), field) < 0.45
+
+
 def test_pixels_that_do_not_count_pull_nothing():
     field = smooth_field(7, 3.0, 50.0)
     fixed, moving = pair(field)

@@ -47,6 +47,8 @@ def test_a_run_with_the_pixels_of_another_geometry_is_made_again(runner, store, 
     for _ in range(2):
         found = runner.run(X, 7)
         assert found.key == key
+        assert found.seconds >= 0
+        assert found.pixels_db["dyke"].dtype == np.float32
         np.testing.assert_array_equal(found.pixels_db["dyke"], image.ravel()[geometry.pixels("dyke")])
     assert simulator.calls == calls + 1
 
