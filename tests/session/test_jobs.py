@@ -79,7 +79,7 @@ def test_taking_the_lock_sweeps_what_dead_processes_left(tmp_path):
 @pytest.mark.slow
 def test_a_run_that_another_process_holds_is_waited_for(tmp_path):
     code = (
-        "import sys, time; from radcal.storage.files import claimed\n"
+        "import sys, time; from radcal.storage.lock import claimed\n"
         f"with claimed({str(tmp_path)!r}, 'ab12'):\n"
         " print('held', flush=True); time.sleep(1.0); print('done', flush=True)"
     )
