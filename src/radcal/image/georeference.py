@@ -15,7 +15,7 @@ from radcal.image.base import image_file
 from radcal.reading.arrays import raster_band
 from radcal.reading.images import reading
 from radcal.reading.rasters import open_raster
-from radcal.scene.crs import crs_of, horizontal, transformer
+from radcal.scene.crs import coordinates, crs_of, horizontal
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -161,12 +161,8 @@ def places_on_ground(
     x, y : ndarray, shape (pixels that show a place,)
         Coordinates; infinite outside the domain of the CRS ``other``.
     """
-    from pyproj import CRS
-
     row, column = (ground[k][np.isfinite(ground).all(axis=0)].astype(np.float64) + 0.5 for k in range(2))
-    a, b, c, d, e, f = transform
-    to_other = transformer(CRS.from_user_input(crs), other)
-    x, y = to_other.transform(a * column + b * row + c, d * column + e * row + f)
+    x, y = coordinates(crs, transform, column, row, other)
     return np.asarray(x), np.asarray(y)
 
 

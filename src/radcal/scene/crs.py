@@ -17,7 +17,7 @@ from radcal.errors import SceneError
 from radcal.findings import Finding
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from pyproj import CRS, Transformer
 
@@ -124,11 +124,23 @@ def longitude_latitude(scene: Scene, x_m: Any, y_m: Any) -> tuple[Any, Any] | No
     """
     if scene.crs is None or scene.transform is None:
         return None
-    a, b, c, d, e, f = scene.transform
-    column, row = x_m / scene.cell_m, y_m / scene.cell_m
-    found: tuple[Any, Any] = transformer(scene.crs, "EPSG:4326").transform(
-        a * column + b * row + c, d * column + e * row + f
-    )
+    return coordinates(scene.crs, scene.transform, x_m / scene.cell_m, y_m / scene.cell_m, "EPSG:4326")
+
+
+def coordinates(crs: str, transform: Sequence[float], column: Any, row: Any, other: CRS | str) -> tuple[Any, Any]:
+    """Coordinates in another CRS of places in a scene's grid.
+
+    Parameters
+    ----------
+    crs, transform : str, sequence of 6 float
+        The scene's CRS, and coefficients a, b, c, d, e, f of its affine transform from (column, row) of cell corners.
+    column, row : float or ndarray
+        Places.
+    other : pyproj.CRS or str
+        CRS of the coordinates, which are infinite outside of its domain.
+    """
+    a, b, c, d, e, f = transform
+    found: tuple[Any, Any] = transformer(crs, other).transform(a * column + b * row + c, d * column + e * row + f)
     return found
 
 
