@@ -144,8 +144,8 @@ def dwells(case: Part, scene: Scene, one: Collection, movers: Movers, seed: int)
     length, width = scene.material.shape[0] * scene.cell_m, 0.5 * one.range_m * one.null
     count = max(1, round(length / width))
     pulse, channel = (np.ravel(each) for each in np.indices((interval.pulses, interval.channels)))
-    seconds = pulse / interval.prf_hz
-    along = seconds * interval.speed_mps + 0.5 * interval.spacing_m * channel  # phase centre of both ways
+    # phase centres of both ways
+    along = pulse / interval.prf_hz * interval.speed_mps + 0.5 * interval.spacing_m * channel
     noise = one.noise_m2 * float(np.sum((one.weights / one.weights.sum()) ** 2))
     gate = np.arange(one.samples) - one.samples // 2
     for scan in range(case.gmti.scans):

@@ -88,9 +88,8 @@ def write(stem: Path, made: Forward) -> list[Path | Finding]:
         "dpca_db": float(10.0 * np.log10(np.mean(shares))),
     }
     found, tracks = list[Path | Finding]([Finding("gmti_detections", "note", "gmti", numbers)]), list[Track]()
-    found += _missing("STANAG 4607", "stanag4607", "stanag") or write_stanag(
-        stem.with_suffix(".4607"), made, one, reports, antennas
-    )
+    without = _missing("STANAG 4607", "stanag4607", "stanag")
+    found += without or write_stanag(stem.with_suffix(".4607"), made, one, reports, antennas)
     missing = _missing("tracks", "stonesoup", "tracking") if config.scans > 1 else []
     if config.scans > 1 and not missing:
         tracks = _tracks(reports, interval, made, one)

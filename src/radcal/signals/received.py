@@ -330,8 +330,7 @@ def write_image(
     """
     found = read_cphd(path, channel)
     one = found.one
-    fine = WIDTH_FACTOR * min(one.gate_m, 1.0 / one.band)
-    step = spacing_m or 0.5 * fine
+    step = spacing_m or 0.5 * WIDTH_FACTOR * min(one.gate_m, 1.0 / one.band)
     ends = _part(found, size_m, centre)
     if not ((size := np.ptp(ends, axis=0)) >= step).all():
         raise ConfigError(f"{path}: {size.min():.3g} m have no pixel of {step:.3g} m, expected a smaller spacing.")
