@@ -1,5 +1,7 @@
 """Phase history that no code of radcal has written, focused; and radcal's own files."""
 
+import re
+
 import h5py
 import numpy as np
 import pytest
@@ -312,6 +314,10 @@ def test_files_that_cannot_be_focused_are_told(tmp_path):
         (good.replace(b"DomainType>FX<", b"DomainType>XX<"), "DomainType is XX, expected FX or TOA"),
         (good.replace(b"SGN>-1<", b"SGN> 0<"), "SGN is 0, expected -1 or 1"),
         (good.replace(b"IARP>", b"IARQ>"), r"\(SceneCoordinates/IARP/ECF is missing\)"),
+        (
+            re.sub(rb"(<IARP><ECF><X>)([^<]+)", lambda found: found[1] + b"NaN".ljust(len(found[2])), good),
+            r"\(SceneCoordinates/IARP/ECF is \[ *nan",
+        ),
         (good.replace(b"uIAY>", b"uIAZ>"), r"\(SceneCoordinates/ReferenceSurface/HAE/uIAXLL is missing\)"),
         (b"CPHD/1.1.0\n" + bytes(1 << 17), r"\(it does not begin with a header of CPHD 1.x\)"),
     ]:

@@ -168,6 +168,8 @@ def _of(helper: Any, where: str, optional: bool = False) -> Any:
         value = helper.load(where)
     if value is None and not optional:
         raise ValueError(f"{where.replace('{*}', '')} is missing")
+    if isinstance(value, float | np.ndarray) and not np.isfinite(value).all():
+        raise ValueError(f"{where.replace('{*}', '')} is {value}, expected finite numbers")
     return value
 
 
