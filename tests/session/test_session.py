@@ -120,6 +120,19 @@ def test_a_started_session_holds_the_folder_and_tidies_it(build_case, capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_a_file_in_the_place_of_the_logs_is_a_sentence(build_case, monkeypatch):
+    def leave(text):
+        raise SystemExit(text)
+
+    monkeypatch.setattr("radcal.session.session.leave", leave)
+    session = Session(build_case())
+    Path("results/dyke").mkdir(parents=True)
+    Path("results/dyke/logs").write_text("notes")
+    with pytest.raises(SystemExit, match=r"^\S+/results/dyke/logs/failure.txt: Not a directory\.$"):
+        session.start()
+    session.end()
+
+
 def test_the_end_says_how_to_go_on(build_case, capsys):
     session = Session(build_case())
     session.start()

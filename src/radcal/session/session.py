@@ -217,9 +217,11 @@ class Session:
         try:
             if cancelled := cancel_leftovers(self._slurm):
                 say(f"{cancelled} jobs of an earlier snakemake cancelled; finished runs are kept.")
+            self._failure.unlink(missing_ok=True)
         except RadcalError as error:
             leave(str(error))
-        self._failure.unlink(missing_ok=True)
+        except OSError as error:
+            leave(f"{error.filename}: {error.strerror}.")
         self._started = True
         if remote_jobs:
             self._shown.append(Follower(self._progress))
