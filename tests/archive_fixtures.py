@@ -127,13 +127,13 @@ def make_archive(
         measured[rng.random(shape) < 0.02] = np.nan
     measurement = Measurement(measured, source, dict.fromkeys(hidden, HIDDEN))
 
-    targets = Targets({}, looks=3.1)
+    each = {}
     for name in shifts:
         visible = geometry.pixels(name)
         eligible = visible[np.isfinite(measured.ravel()[visible])]
         drawn = np.sort(rng.choice(eligible, size=min(120, eligible.size), replace=False))
         fit = skewnormal.fit(measured.ravel()[drawn])
-        targets[name] = Target(
+        each[name] = Target(
             pixels=drawn,
             order=np.searchsorted(visible, drawn),
             values_db=measured.ravel()[drawn],
@@ -150,6 +150,7 @@ def make_archive(
             block=np.zeros(drawn.size, dtype=np.int64),
             goodness=Goodness(0.04, 0.01 if name == "stem beans" else 0.3),
         )
+    targets = Targets(each, looks=3.1)
 
     def record(key):
         values = simulated()

@@ -20,7 +20,7 @@ from radcal.products.showing import show
 from radcal.products.simulated import forward
 from radcal.seeds import noise_seed
 from radcal.simulators.runner import make_runners
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 
 def test_ends_within_the_tolerance_and_keeps_its_contracts(finished):
@@ -74,7 +74,7 @@ def test_the_loop_in_one_process_gives_the_same_runs(finished, tmp_path, monkeyp
     case = load(["tiny.yaml"])
     geometry = finished.out() / "passes/1/geometry.h5"
     runners = make_runners(case, finished.out() / "scene.h5", [geometry], tmp_path / "runs")
-    history, decision = calibrate(case, runners, read_targets([finished.out() / "passes/1/target.h5"]))
+    history, decision = calibrate(case, runners, [Targets.read(finished.out() / "passes/1/target.h5")])
     assert decision.converged
     assert [run.index for run in history.infill] == list(range(len(history.infill)))
     with h5py.File(finished.out() / "calibration.h5") as file:

@@ -25,11 +25,11 @@ from radcal.config.stages import STAGES
 from radcal.errors import MissingSign, SimulatorError
 from radcal.objectives import make_objectives
 from radcal.objectives.history import History, Proposal, Run, read_proposals, read_runs, write_proposals, write_runs
-from radcal.proposals.surrogate import read_trainings, write_trainings
+from radcal.proposals.surrogate import Trainings
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
 from radcal.storage.runs import Record
-from radcal.targets.target import Targets, read_targets, write_targets
+from radcal.targets.target import Targets
 
 
 @pytest.fixture(scope="module")
@@ -44,8 +44,8 @@ def made(parts, calibrated):
 def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, calibrated, made, runner, tmp_path):
     case, *_, targets = parts
     history, _ = calibrated
-    write_targets(tmp_path / "target.h5", targets)
-    (again,) = read_targets([tmp_path / "target.h5"])
+    targets.write(tmp_path / "target.h5")
+    again = Targets.read(tmp_path / "target.h5")
     assert all(target.classes is not None for target in targets.values())
     assert same(dict(again), dict(targets))
     objectives = make_objectives(case, [again])
@@ -53,8 +53,8 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     start = read_runs([tmp_path / "runs.json"])
     trained = [train_all(start, STAGES["train"].of(case), objectives, processes) for processes in (1, 2)]
     assert same(*trained)
-    write_trainings(tmp_path / "surrogate.h5", trained[1])
-    read = read_trainings(tmp_path / "surrogate.h5")
+    Trainings(trained[1]).write(tmp_path / "surrogate.h5")
+    read = Trainings.read(tmp_path / "surrogate.h5").materials
     proposals = propose_all(read, objectives, start, STAGES["propose"].of(case), 0, case.stop, 2)
     assert proposals == [dict(history.infill[0].proposals)]
     write_proposals(tmp_path / "proposals.json", proposals)
@@ -63,8 +63,8 @@ def test_steps_from_files_in_two_processes_are_those_from_memory_in_one(parts, c
     assert replace(verified, seconds=0.0) == replace(history.infill[0], seconds=0.0)
     # the next iteration has the training of the verification, in the same bits, and trains what was left out
     after, train = History([*start.runs, verified]), STAGES["train"].of(case)
-    write_trainings(tmp_path / "trained.h5", ahead)
-    ahead = read_trainings(tmp_path / "trained.h5")
+    Trainings(ahead).write(tmp_path / "trained.h5")
+    ahead = Trainings.read(tmp_path / "trained.h5").materials
     assert same(dict(ahead), train_all(after, train, objectives))
     given = {"lake": ahead["lake"]}
     kept = train_all(after, train, objectives, 1, given)

@@ -9,7 +9,7 @@ from radcal.errors import SurrogateError
 from radcal.inference.moments import to_dp
 from radcal.objectives import objective_class
 from radcal.proposals.kriging import JITTER, Kriging, baseline_factor
-from radcal.proposals.surrogate import Surrogate, Training, read_trainings, train_surrogate, write_trainings
+from radcal.proposals.surrogate import Surrogate, Training, Trainings, train_surrogate
 
 BOUNDS = np.array([[0.0, 2.0], [-1.0, 1.0]])
 POSTERIOR, DIRECT = SurrogateConfig(), SurrogateConfig(outputs="direct")
@@ -142,8 +142,8 @@ def test_each_statistic_keeps_or_drops_its_own():
 @pytest.mark.parametrize("baseline", [None, lambda x: truth(x) + 0.1 * np.sin(x[0])])
 def test_stored_as_data_and_rebuilt(baseline, tmp_path):
     made = surrogate(7, baseline)
-    write_trainings(tmp_path / "s.h5", {"wheat 2": made.training, "soil": surrogate(1, baseline).training})
-    again = read_trainings(tmp_path / "s.h5")
+    Trainings({"wheat 2": made.training, "soil": surrogate(1, baseline).training}).write(tmp_path / "s.h5")
+    again = Trainings.read(tmp_path / "s.h5").materials
     assert list(again) == ["wheat 2", "soil"]
     unit = np.random.default_rng(3).random((20, 2))
     rebuilt = Surrogate(again["wheat 2"], objective(baseline))

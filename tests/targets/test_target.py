@@ -14,7 +14,7 @@ from radcal.ground.one_incidence import incidence_span_deg
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
 from radcal.storage.dataclass_groups import same
-from radcal.targets.target import Targets, read_targets, write_targets
+from radcal.targets.target import Targets
 from radcal.targets.target_fit import sampling_rms
 from radcal.words import sentence
 
@@ -141,8 +141,8 @@ def test_round_trip_is_exact(geometry, measurement, tmp_path):
         levels,
         3.5,
     )
-    write_targets(tmp_path / "targets.h5", targets)
-    (back,) = read_targets([tmp_path / "targets.h5"])
+    targets.write(tmp_path / "targets.h5")
+    back = Targets.read(tmp_path / "targets.h5")
     assert list(back) == ["grass", "dyke"]
     assert same(dict(back), dict(targets))
     assert same(back.levels, levels)

@@ -13,7 +13,7 @@ from radcal.config import load
 from radcal.objectives.history import read_runs
 from radcal.simulators.runner import make_runners
 from radcal.storage.runs import read_index
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 TRUTH = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "warp_px": 0}
 ONE = {
@@ -74,7 +74,7 @@ def test_a_pass_added_later_reuses_all_runs_and_a_kill_loses_none(project, monke
     out = project.out()
     case = load(["tiny.yaml"])
     geometries = [out / "passes/1/geometry.h5", out / "passes/2/geometry.h5"]
-    targets = read_targets([out / "passes/1/target.h5", out / "passes/2/target.h5"])
+    targets = [Targets.read(path) for path in (out / "passes/1/target.h5", out / "passes/2/target.h5")]
     runners = make_runners(case, out / "scene.h5", geometries, tmp_path / "runs")
     history, decision = calibrate(case, runners, targets)
     assert decision.ended

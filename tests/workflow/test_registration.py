@@ -21,7 +21,7 @@ from radcal.simulators.runner import make_runners
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_json
 from radcal.storage.runs import read_index
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 MOVED = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 1}
 # the start is nearly the lake's law, so that the reference run shows little of the field
@@ -66,7 +66,7 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     runners = make_runners(case, out / "scene.h5", [out / "passes/1/geometry.h5"], tmp_path / "runs")
     again, made = register_rounds(case, runners, geometry, Measurement.read(out / "passes/1/measurement.h5"), scene)
     assert same(again, registered)
-    history, _ = calibrate(case, runners, read_targets([out / "passes/1/target.h5"]), registration=made)
+    history, _ = calibrate(case, runners, [Targets.read(out / "passes/1/target.h5")], registration=made)
     theirs = read_runs(
         [out / "scores.json", *(out / f"iterations/{k}/verified.json" for k in range(len(history.infill)))]
     )

@@ -4,7 +4,7 @@ from radcal.ground.one_incidence import bounces_on, bounces_outside
 from radcal.objectives.history import read_search
 from radcal.posterior.result import Image, Posterior
 from radcal.products.tables import write_runs
-from radcal.proposals.surrogate import read_trainings
+from radcal.proposals.surrogate import Trainings
 from radcal.radar.geometry import read_geometry
 from radcal.registration.registered import Registered
 from radcal.results.results import archive_of
@@ -12,17 +12,18 @@ from radcal.scene.model import Scene
 from radcal.session.jobs import job
 from radcal.storage.records import write_json, write_listing
 from radcal.storage.runs import indexed
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    targets, geometry = read_targets(snakemake.input.target), read_geometry(snakemake.input.geometry[0])
+    targets = [Targets.read(path) for path in snakemake.input.target]
+    geometry = read_geometry(snakemake.input.geometry[0])
     runs = snakemake.params.runs
     final = [record for record, _ in indexed([snakemake.input.final], runs, case.calibrated)]
     images = [Registered.read(path) for path in snakemake.input.registered]
     each = [Posterior.read(path) for path in snakemake.input.posterior]
     image, scene = Image.read(snakemake.input.image), Scene.read(snakemake.input.scene)
-    trained = {name: one for path in snakemake.input.trained for name, one in read_trainings(path).items()}
+    trained = {name: one for path in snakemake.input.trained for name, one in Trainings.read(path).materials.items()}
     noted = bounces_outside([bounces_on(read_geometry(path), targets[0]) for path in snakemake.input.geometry])
     archive = archive_of(case, history, scene, geometry, images, targets, runs, final, each, image, trained, noted)
     archive.write(snakemake.output.archive)

@@ -5,11 +5,11 @@ from radcal.proposals.design import design_points
 from radcal.session.jobs import job, progress
 from radcal.simulators.runner import make_runners
 from radcal.storage.runs import IndexedRun, read_index, write_index
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 with job(snakemake) as case:
     runners = make_runners(case, snakemake.input.scene, snakemake.input.geometry, snakemake.params.runs)
-    (targets,) = read_targets(snakemake.input.target)
+    (targets,) = map(Targets.read, snakemake.input.target)
     reused = [run.parameters for file in snakemake.input.reused for run in read_index(file)]
     points = design_points(case, snakemake.params.size, reused)
     _, part = snakemake.params.part

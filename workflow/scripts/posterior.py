@@ -9,11 +9,11 @@ from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.session.jobs import job, progress
 from radcal.storage.runs import indexed
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 with job(snakemake) as case:
     history = read_search(snakemake.input.scores, snakemake.input.verified)
-    targets, scene = read_targets(snakemake.input.target), Scene.read(snakemake.input.scene)
+    targets, scene = [Targets.read(path) for path in snakemake.input.target], Scene.read(snakemake.input.scene)
     geometries = [read_geometry(path) for path in snakemake.input.geometry]
     final = [(run, run_x) for run, run_x in indexed([snakemake.input.final], snakemake.params.runs, case.calibrated)]
     simulated = simulated_of(case, scene, geometries, final, snakemake.params.draws)

@@ -5,10 +5,10 @@ from radcal.objectives import make_objectives
 from radcal.objectives.history import History, write_runs
 from radcal.session.jobs import job, progress
 from radcal.storage.runs import in_all_passes, indexed
-from radcal.targets.target import read_targets
+from radcal.targets.target import Targets
 
 with job(snakemake) as case:
-    targets = read_targets(snakemake.input.target)
+    targets = [Targets.read(path) for path in snakemake.input.target]
     store, passes = (snakemake.params.runs, case.calibrated), len(snakemake.input.target)
     reference = [records for records, _ in in_all_passes(indexed([file], *store) for file in snakemake.input.reference)]
     objectives = make_objectives(case, targets)

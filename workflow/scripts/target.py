@@ -7,7 +7,6 @@ from radcal.registration.registered import Registered
 from radcal.scene.model import Scene
 from radcal.session.jobs import job, progress
 from radcal.storage.runs import indexed
-from radcal.targets.target import write_targets
 from radcal.targets.target_fit import make_targets
 from radcal.words import sentence
 
@@ -18,7 +17,7 @@ with job(snakemake) as case:
     scene = Scene.read(snakemake.input.scene)
     misfit, partly = objective_class(case.objective).misfit, snakemake.wildcards.p != "1"
     targets = make_targets(case, geometry, registered, reference.image_db, misfit, partly, scene)
-    write_targets(snakemake.output.target, targets)
+    targets.write(snakemake.output.target)
     found = with_height_finding(registered, geometry, scene, case.radar).measurement.findings
     for text in (*[sentence(one) for one in found if one.code == "height_shift"], *targets.sentences()):
         progress(text)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -284,23 +283,13 @@ def train_surrogate(
 
 
 @dataclass(frozen=True)
-class _Stored(Stored, kind="surrogate"):
-    """Content of a file of surrogates: training by material."""
+class Trainings(Stored, kind="surrogate"):
+    """Data and hyper-parameters of the surrogates of all materials.
+
+    Attributes
+    ----------
+    materials : mapping
+        Training by material.
+    """
 
     materials: Mapping[str, Training]
-
-
-def write_trainings(path: str | Path, trainings: Mapping[str, Training]) -> None:
-    """Write the data and hyper-parameters of all materials' surrogates to an HDF5 file, atomically."""
-    _Stored(trainings).write(path)
-
-
-def read_trainings(path: str | Path) -> dict[str, Training]:
-    """Read the data and hyper-parameters of surrogates from a file of :func:`write_trainings`.
-
-    Raises
-    ------
-    StoreError
-        The file is missing, damaged, or of another version or case.
-    """
-    return dict(_Stored.read(path).materials)

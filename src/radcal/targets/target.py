@@ -6,9 +6,8 @@ fields.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -200,25 +199,34 @@ class Target:
         return dp, skewnormal.density_rms(dp, self.dp)
 
 
-class Targets(dict[str, Target]):
+@dataclass(frozen=True, eq=False)
+class Targets(Mapping[str, Target], Stored, kind="target"):
     """Target of each calibrated material in one pass, with the level normalisation for the comparison with runs.
 
-    Parameters
+    Of several passes, the first shows all calibrated materials; the others may lack some.
+
+    Attributes
     ----------
-    targets : mapping
+    materials : mapping
         Target by material.
-    levels : Levels, optional
+    levels : Levels
         Level normalisation of both images; by default none.
     looks : float
         Equivalent number of looks of the measured image's homogeneous areas; NaN if unknown.
     """
 
-    def __init__(
-        self, targets: Mapping[str, Target], levels: Levels | None = None, looks: float = float("nan")
-    ) -> None:
-        super().__init__(targets)
-        self.levels = levels or Levels()
-        self.looks = looks
+    materials: Mapping[str, Target]
+    levels: Levels = field(default_factory=Levels)
+    looks: float = float("nan")
+
+    def __getitem__(self, name: str) -> Target:
+        return self.materials[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.materials)
+
+    def __len__(self) -> int:
+        return len(self.materials)
 
     def textured(self, name: str) -> bool:
         """Whether a material has far fewer looks than the image's homogeneous areas, and hence texture."""
@@ -241,29 +249,6 @@ class Targets(dict[str, Target]):
             alone = "; seen at one incidence, from which no law can be determined" if target.level_only else ""
             lines.append(f"{size}, {moments}{classes}{alone}")
         return lines
-
-
-@dataclass(frozen=True)
-class _Stored(Stored, kind="target"):
-    """Content of a target file: targets, level normalisation and number of looks of one pass."""
-
-    materials: Mapping[str, Target]
-    levels: Levels
-    looks: float
-
-
-def write_targets(path: str | Path, targets: Targets) -> None:
-    """Write the targets of all materials, and the level normalisation of both images, to HDF5, atomically."""
-    _Stored(targets, targets.levels, targets.looks).write(path)
-
-
-def read_targets(paths: Iterable[str | Path]) -> list[Targets]:
-    """Read the targets of all passes, one file for each pass; raises the errors of :func:`.read_hdf5`.
-
-    The first pass shows all calibrated materials; the others may lack some.
-    """
-    each = (_Stored.read(path) for path in paths)
-    return [Targets(one.materials, one.levels, one.looks) for one in each]
 
 
 def level_only(targets: Iterable[Targets], name: str) -> bool:
