@@ -522,6 +522,18 @@ def test_predicted_and_verified_misfit_have_the_scale_of_the_figure_of_the_runs(
     assert words.startswith("Above: for each infill run, densities, rms [1/dB], as")
 
 
+def test_a_surrogate_without_statistics_has_no_empty_panel(made):
+    """One of the parameters of the density (``surrogate.outputs: direct``)."""
+    found = replace(proposals([9.0, 7.5], np.zeros((2, 1, 3))), predicted=np.full((2, 1, 3), np.nan))
+    case = changed_material(made.archive, "dyke", fidelity=found)
+    canvas, caption, _ = fidelity(configured(case, surrogate={"outputs": "direct"}), "dyke")
+    (axes,) = canvas.axes
+    assert [text.get_text() for text in canvas.legends[0].get_texts()] == ["predicted", "verified"]
+    assert axes.get_xlabel() == "run (0: reference)"
+    assert caption.startswith("For each infill run, densities, rms [1/dB], as predicted")
+    assert caption.endswith("(leave-one-out Q2): xi 0.00, omega 0.00, alpha 0.00.")
+
+
 def test_an_infill_run_without_prediction_is_left_out_and_named(made):
     values = np.array([[[0.1, 0.2, 0.3]], [[0.3, 0.1, 0.2]]])
     first, second = np.flatnonzero(made.archive.runs.kind == "infill")
