@@ -10,10 +10,8 @@ from radcal.simulators.runner import make_simulator
 from radcal.storage.records import write_listing
 
 with job(snakemake) as case:
-    scene, geometries = (
-        Scene.read(snakemake.input.scene),
-        [read_geometry(path) for path in snakemake.input.geometry],
-    )
+    scene = Scene.read(snakemake.input.scene)
+    geometries = [read_geometry(path) for path in snakemake.input.geometry]
     archive = read_archive(snakemake.input.archive)
     registered = [Registered.read(path) for path in snakemake.input.registered]
     final, runs = snakemake.input.final, snakemake.params.runs

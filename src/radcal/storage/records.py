@@ -3,10 +3,11 @@
 Files are written atomically and inspected before they are read. ``docs/records.md`` documents the layout of the files.
 
 The checksum is compared first, because a damaged file can crash the HDF5 library. A file that fails the inspection is
-renamed by a command that makes it again, and stays as it is for one that only reads results; none is deleted. An HDF5
-file starts with a user block of 512 bytes, which HDF5 libraries skip. The user block
-contains the SHA-256 of all bytes after the block, and the number of these bytes. The second line of a JSON file
-contains the SHA-256 of all bytes after this line.
+renamed by a command that makes it again, and stays as it is for one that only reads results; none is deleted.
+
+An HDF5 file starts with a user block of 512 bytes, which HDF5 libraries skip. The user block contains the SHA-256 of
+all bytes after the block, and the number of these bytes. The second line of a JSON file contains the SHA-256 of all
+bytes after this line.
 """
 
 from __future__ import annotations
