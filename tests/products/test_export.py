@@ -46,7 +46,7 @@ def on_map(made, ground):
 
 def export(made, folder, archive=None, scene=None, geometry=None):
     archive = made.archive if archive is None else archive
-    case, final = STAGES["export"].of(made.case), folder / "final.json"
+    case, final = STAGES["archive"].of(made.case), folder / "final.json"
     write_index(final, [])
     of_pass = [geometry or made.geometry], [archive.registered]
     files = write_export(folder, case, archive, scene or made.scene, *of_pass, final, folder / "runs")
@@ -118,7 +118,7 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
     archive = replace(made.archive, passes={"1": levelled, "2": levelled})
     of_pass = [made.geometry] * 2, [made.registered] * 2
     files = tmp_path / "final.json", tmp_path / "runs"
-    write_export(tmp_path / "out", STAGES["export"].of(case), archive, made.scene, *of_pass, *files)
+    write_export(tmp_path / "out", STAGES["archive"].of(case), archive, made.scene, *of_pass, *files)
     found = {}
     for name in ("calibrated", "calibrated_pass2", "measured_pass2"):
         with rasterio.open(tmp_path / f"out/{name}.tif") as raster:
@@ -258,7 +258,7 @@ def test_calibrated_materials(made, tmp_path):
     with rasterio.open(tmp_path / "difference.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), archive.images.calibrated_db - archive.measured_db)
     # the image is that of the run with fresh random numbers
-    case = STAGES["export"].of(made.case)
+    case = STAGES["archive"].of(made.case)
     assert f"calibrated image again, bit for bit, with the noise seed {noise_seed(case, fresh=True)}." in text
     # another program need not give the same image
     program = {"kind": "command", "command": ["sar", "{noise_seed}"], "output": {"file": "image.npy", "scale": "db"}}

@@ -33,7 +33,7 @@ def finish(made, folder, **scene):
     write_index(folder.parent / "final.json", [])
     found = replace(made.scene, **scene), [made.geometry], [made.archive.registered]
     files = folder.parent / "final.json", folder / "runs"
-    write_export(folder / "export", STAGES["export"].of(made.case), made.archive, *found, *files)
+    write_export(folder / "export", STAGES["archive"].of(made.case), made.archive, *found, *files)
     write_runs(folder / "runs.csv", made.archive)
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder

@@ -68,7 +68,7 @@ def test_an_unfinished_case_says_what_is_missing(folder):
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).touch()
     lines = show(folder)
-    missing = "final runs, archive of all runs, exports, figures, report and summary"
+    missing = "final runs, archive of all runs and exports, figures, report and summary"
     assert lines[0] == f"small: not finished; missing: {missing}."
     assert lines[1] == f"records of runs: 2 in {folder / 'runs'}; iterations verified: 1."
     again = "type the command that began the case again (radcal run with its YAML file): finished runs are kept."

@@ -81,6 +81,12 @@ rule archive:
             table=lambda path: report(
                 path, category="Tables", caption="../report/tables.rst"
             ),
+            folder=lambda path: report(
+                directory(path),
+                patterns=["{table}.csv"],
+                category="Tables",
+                caption="../report/tables.rst",
+            ),
         ),
     log:
         f"{OUT}/logs/archive.log",
@@ -96,39 +102,6 @@ rule archive:
         words("archive")
     script:
         "../scripts/archive.py"
-
-
-rule export:
-    input:
-        archive=rules.archive.output.archive,
-        scene=rules.scene.output.scene,
-        geometry=every_pass(rules.geometry.output.geometry),
-        registered=every_pass(rules.registration.output.registered),
-        final=rules.final_runs.output.final,
-    output:
-        **outputs(
-            "export",
-            folder=lambda path: report(
-                directory(path),
-                patterns=["{table}.csv"],
-                category="Tables",
-                caption="../report/tables.rst",
-            ),
-        ),
-    log:
-        f"{OUT}/logs/export.log",
-    benchmark:
-        f"{OUT}/benchmarks/export.tsv"
-    retries: 0
-    resources:
-        **resources("export"),
-    params:
-        case=STAGES["export"].params(CASE),
-        runs=f"{OUT}/runs",
-    message:
-        words("export")
-    script:
-        "../scripts/export.py"
 
 
 # Products of the calibrated laws, made on demand alone: `snakemake --cores 2 products`.
@@ -158,8 +131,6 @@ rule products:
 rule report:
     input:
         archive=rules.archive.output.archive,
-        # the summary, written last, says that the case is finished
-        export=rules.export.output.checksums,
     output:
         **outputs(
             "report",

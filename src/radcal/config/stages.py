@@ -191,10 +191,12 @@ STAGES: Mapping[str, Stage] = {
         "posterior of all laws", (*_TARGET, "surrogate", "uncertainty"), _RUN,
         {"image": "image.h5", "posterior": "posterior/{material}.h5"}, {"image": 5, "posterior": 6}),
     "archive": Stage(
-        "archive of all runs", _ARCHIVE, _REGISTRATION,
-        {"archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json", "stop": "stop.json"},
+        "archive of all runs and exports", _ARCHIVE, _REGISTRATION,
+        {
+            "archive": "calibration.h5", "table": "runs.csv", "checksum": "table.json", "stop": "stop.json",
+            "folder": "export", "exported": "export.json",
+        },
         {"calibration": 15}),
-    "export": Stage("exports", _RUNS, _IMAGE, {"folder": "export", "checksums": "export.json"}),
     "products": Stage("products", (*FORWARD, "products"), _IMAGE, {"made": "products.json"}, only_if=_never),
     "report": Stage(
         "figures, report and summary", (), _PAGE,
