@@ -15,7 +15,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -59,9 +58,8 @@ RUNS: dict[str, tuple[str, dict[str, Any]]] = {
     "infill": ("infill", {"color": FOUND["color"], "marker": "^", "s": 40, **_EDGE}),
 }
 
-_SIGNS = [*range(0x20, 0x180), *range(0x370, 0x400), *range(0x2000, 0x2300)]  # Latin, Greek, punctuation, mathematics
-
 STYLE: Any = {
+    "font.family": ["radcal", "DejaVu Sans"],  # the whole font has what is not in its part
     "font.size": 11.0,
     "axes.titlesize": 11.5,
     "axes.titlelocation": "left",
@@ -83,40 +81,20 @@ _WORDS = [
 
 
 @cache
-def _font() -> tuple[str, TemporaryDirectory[str]]:
-    """Name of the figures' font in matplotlib, and the folder of its files, which exists until the program ends.
-
-    The font is the part of DejaVu Sans with the letters and signs of :data:`_SIGNS`; matplotlib takes all others from
-    DejaVu Sans itself. matplotlib embeds in each PDF file the glyphs that the figure uses; for this, fontTools would
-    read 6,000 glyphs, and tables of substitutions and positions, for each file, which takes most of the time. No figure
-    needs these tables: the distances between letters stand in the table ``kern``.
-    """
-    from fontTools import subset
+def _add_font() -> None:
+    """Make known to matplotlib the figures' font (``.ci/figure_font.py``), which is quickly embedded in a PDF file."""
     from matplotlib import font_manager
 
-    family, folder = "radcal", TemporaryDirectory(prefix="radcal_fonts_")
-    options = subset.Options(glyph_names=True, legacy_kern=True, name_IDs=["*"], recommended_glyphs=True)
-    options.drop_tables += ["FFTM", "GDEF", "GPOS", "GSUB", "MATH"]
     for weight in ("normal", "bold"):
-        found = font_manager.findfont(font_manager.FontProperties(family="DejaVu Sans", weight=weight))
-        path = Path(folder.name, f"{weight}.ttf")
-        with subset.load_font(found, options) as font:
-            part = subset.Subsetter(options)
-            part.populate(unicodes=_SIGNS)
-            part.subset(font)
-            for kind in (1, 16):  # the two names of the family
-                font["name"].setName(family, kind, 3, 1, 0x409)
-            subset.save_font(font, str(path), options)
-        font_manager.fontManager.addfont(path)
-    return family, folder
+        font_manager.fontManager.addfont(Path(__file__).parent / "font" / f"{weight}.ttf")
 
 
 def styled() -> AbstractContextManager[None]:
     """Context in which figures are drawn: matplotlib's defaults and :data:`STYLE`, without the user's matplotlibrc."""
     from matplotlib import style
 
-    family, _ = _font()
-    return style.context(["default", {**STYLE, "font.family": [family, "DejaVu Sans"]}])
+    _add_font()
+    return style.context(["default", STYLE])
 
 
 def shortened(name: str, width: int) -> str:
