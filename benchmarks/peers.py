@@ -7,8 +7,12 @@ target. X lies in the unit box. A method that ends by itself starts again at a S
 
 from __future__ import annotations
 
+import subprocess
+import tempfile
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,6 +79,70 @@ def levenberg_marquardt(problem: Problem) -> str:
             return np.append(found, np.zeros(len(v) - len(found)))
 
         least_squares(residuals, np.arcsin(np.sqrt(inside)), method="lm", diff_step=1e-3)
+        unit = next(sobol)
+
+
+# parameters are X + 1, because the program limits their relative changes
+_PEST = """pcf
+* control data
+restart estimation
+{d} {n} 1 0 1
+1 1 double point
+10.0 -3.0 0.3 0.01 10
+10.0 10.0 0.001
+0.1
+50 0.005 4 4 0.005 4
+0 0 0
+* parameter groups
+x absolute 0.001 0.0 switch 2.0 parabolic
+* parameter data
+{parameters}
+* observation groups
+residuals
+* observation data
+{observations}
+* model command line
+sh run.sh
+* model input/output
+x.tpl x.txt
+found.ins found.txt
+++ uncertainty(false)
+"""
+
+
+def _write_pest(folder: Path, unit: Doubles, n: int) -> None:
+    """Write a case of PEST++ whose model asks for the residuals, and waits for the answer."""
+    parameters = "\n".join(f"x{k} none factor {x + 1.0:.15f} 1.0 2.0 x 1.0 -1.0 1" for k, x in enumerate(unit))
+    observations = "\n".join(f"r{k} 0.0 1.0 residuals" for k in range(n))
+    texts = {
+        "case.pst": _PEST.format(d=len(unit), n=n, parameters=parameters, observations=observations),
+        "x.tpl": "ptf ~\n" + "".join(f"~ x{k} {'~':>22}\n" for k in range(len(unit))),
+        "found.ins": "pif ~\n" + "".join(f"l1 !r{k}!\n" for k in range(n)),
+        "run.sh": "touch asked; until [ -e answered ]; do sleep 0.005; done; rm answered\n",
+    }
+    for name, text in texts.items():
+        (folder / name).write_text(text)
+
+
+def pestpp_glm(problem: Problem) -> str:
+    """``pestpp-glm`` of PEST++ on the PATH with its defaults, from the reference run and then from Sobol points."""
+    sobol, unit = _sobol(problem), problem.start
+    while True:
+        with tempfile.TemporaryDirectory() as name:
+            folder = Path(name)
+            _write_pest(folder, unit, len(problem.start_residuals))
+            with subprocess.Popen(["pestpp-glm", "case.pst"], cwd=folder, stdout=subprocess.DEVNULL) as program:
+                try:
+                    while program.poll() is None:
+                        if not (folder / "asked").exists():
+                            time.sleep(0.002)
+                            continue
+                        (folder / "asked").unlink()
+                        found = problem.residuals(np.loadtxt(folder / "x.txt"))
+                        np.savetxt(folder / "found.txt", found, fmt="%.16e")
+                        (folder / "answered").touch()
+                finally:
+                    program.kill()
         unit = next(sobol)
 
 
@@ -172,6 +240,7 @@ def sbi(problem: Problem) -> str:
 PEERS = {
     "cma_es": Peer(cma_es),
     "levenberg_marquardt": Peer(levenberg_marquardt),
+    "pestpp_glm": Peer(pestpp_glm),
     "optuna": Peer(optuna_tpe),
     "optuna_gp": Peer(optuna_gp, 300),
     "ego": Peer(ego, 300),
