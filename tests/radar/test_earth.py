@@ -1,25 +1,22 @@
-"""Curved earth against an independent computation in earth-centred coordinates, and against Sentinel-1's annotation."""
+"""Curved earth against an independent computation in earth-centred coordinates."""
 
 from __future__ import annotations
 
 import math
-import os
 from dataclasses import dataclass
-from pathlib import Path
-from xml.etree import ElementTree as ET
 
 import numpy as np
 import pytest
 from pyproj import CRS, Geod, Transformer
-from scipy.interpolate import CubicHermiteSpline, CubicSpline
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 from radcal.config import Radar
-from radcal.radar.earth import LineOfSight, heading_at_scene, heading_of_sight, line_of_sight
+from radcal.radar.earth import LineOfSight
 from radcal.radar.facets import LAID_OVER, VISIBLE
 from radcal.radar.lines import Lines
 from radcal.radar.projection import lit_facets, make_geometry
-from radcal.scene.crs import earth_radius_m, ground_per_grid, label, turned
+from radcal.scene.crs import ground_per_grid, label, turned
 from radcal.scene.model import Scene
 
 CELLS, CELL_M, MEAN_M = 200, 100.0, 300.0  # 20 x 20 km
@@ -273,66 +270,3 @@ def test_scale_of_a_grid():
     place = Transformer.from_crs(CRS(plate).geodetic_crs, plate, always_xy=True).transform(10.0, 60.0)
     assert ground_per_grid(plate, place, (5.0, 0.0)) == pytest.approx(0.5, abs=1e-6)
     assert ground_per_grid(plate, place, (0.0, 5.0)) == pytest.approx(1.0, abs=1e-6)
-
-
-# the shared Sentinel-1 product --------------------------------------------------------------------------------------
-
-
-def annotation():
-    folder = Path(os.environ["RADCAL_DATA"]) / "sentinel1"
-    (path,) = folder.glob("*.SAFE/annotation/*.xml")
-    return ET.parse(path).getroot()
-
-
-def texts(root, name):
-    return np.array([float(str(item.findtext(name))) for item in root.iter("geolocationGridPoint")])
-
-
-@pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no Sentinel-1 annotation")
-def test_sentinel_1_annotates_the_same_incidence_and_heading():
-    """The whole swath of 250 km, over terrain of 0 to 1,800 m, from orbit positions and annotated slant ranges."""
-    root = annotation()
-    shape = (np.unique(texts(root, "line")).size, np.unique(texts(root, "pixel")).size)
-    longitude, latitude, height, annotated, time = (
-        texts(root, name).reshape(shape)
-        for name in ("longitude", "latitude", "height", "incidenceAngle", "slantRangeTime")
-    )
-    slant, place = 0.5 * 299_792_458.0 * time, in_space(longitude, latitude, height)
-    position, velocity = (
-        np.array([[float(str(item.findtext(f"{name}/{axis}"))) for axis in "xyz"] for item in root.iter("orbit")])
-        for name in ("position", "velocity")
-    )
-    orbit = CubicHermiteSpline(seconds(root, "orbit", "time"), position, velocity)
-    moment = seconds(root, "geolocationGridPoint", "azimuthTime").reshape(shape)
-    satellite = orbit(moment)
-    np.testing.assert_allclose(np.linalg.norm(satellite - place, axis=-1), slant, atol=1.0)
-    up = unit(in_space(longitude, latitude, height + 1000.0) - place)
-    ellipsoid = np.degrees(np.arccos((unit(satellite - place) * up).sum(axis=-1)))
-    # the annotated angles are those from the earth's radius, and not from the vertical
-    radial = np.degrees(np.arccos((unit(satellite - place) * unit(place)).sum(axis=-1)))
-    np.testing.assert_allclose(annotated, radial, atol=1e-6)
-    utm = Transformer.from_crs("OGC:CRS84", "EPSG:32633", always_xy=True)
-    below = Transformer.from_crs(SPACE, CRS.from_epsg(4979), always_xy=True).transform(*np.moveaxis(satellite, -1, 0))
-    found, headings, middle = np.empty(shape), np.empty((2, *shape)), shape[1] // 2
-    platform = float(str(root.findtext(".//platformHeading")))
-    for row, column in np.ndindex(shape):
-        here = (longitude[row, column], latitude[row, column])
-        heading = heading_of_sight(satellite[row, column], place[row, column], *here)
-        centre = utm.transform(longitude[row, middle], latitude[row, middle])
-        radius = earth_radius_m("EPSG:32633", centre, heading + 90.0) + height[row, column]
-        altitude = below[2][row, column] - height[row, column]
-        seen = line_of_sight(Radar(altitude_m=altitude, incidence_deg=annotated[row, column]), radius)
-        found[row, column] = seen.flat_incidence_deg(slant[row, column])
-        headings[0, row, column] = heading
-        headings[1, row, column] = heading_at_scene(platform, ellipsoid[row, column], altitude, here[1])
-    assert np.ptp(ellipsoid) > 14.0
-    assert np.abs(found - ellipsoid).max() < 0.001
-    assert np.abs(found - annotated).max() < 0.04
-    # 2.7 to 4.7 degrees lie between the headings below the satellite and at the scene
-    assert np.abs((platform - headings[0]) % 360.0 - 3.7).max() < 1.5
-    assert np.abs(np.diff(headings, axis=0)).max() < 0.4
-
-
-def seconds(root, kind, name):
-    times = np.array([str(item.findtext(name)) for item in root.iter(kind)], dtype="datetime64[us]")
-    return (times - np.datetime64("2021-12-23T05:11:00")) / np.timedelta64(1, "us") * 1e-6

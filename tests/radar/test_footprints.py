@@ -16,10 +16,12 @@ NORTH, EAST = (np.arange(ROWS)[:, None] + 0.5) * CELL_M, (np.arange(COLUMNS) + 0
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])
+@pytest.mark.parametrize("radiometry", ["sigma0_local", "sigma0_ref", "beta0", "gamma0"])
 @pytest.mark.parametrize(("x", "y", "height"), [(40.3, 30.1, 0.0), (71.9, 47.2, 4.5)])
-def test_point_on_a_slope_has_the_slant_range_of_its_place(x, y, height, look_side):
+def test_point_on_a_slope_has_the_slant_range_of_its_place_and_its_energy(x, y, height, look_side, radiometry):
     elevation = 0.21 * EAST - 0.34 * NORTH
-    radar = Radar(altitude_m=800.0, range_spacing_m=1.1, azimuth_spacing_m=2.1, look_side=look_side)
+    given = {"look_side": look_side, "radiometry": radiometry}
+    radar = Radar(altitude_m=800.0, range_spacing_m=1.1, azimuth_spacing_m=2.1, **given)
     point = objects_of(x_m=x, y_m=y, height_m=height, rcs_dbsm=7.0)
     scene = Scene("slope", ("a",), np.ones((ROWS, COLUMNS), np.uint8), elevation, CELL_M, objects=point)
     geometry = make_geometry(scene, radar)
@@ -32,6 +34,9 @@ def test_point_on_a_slope_has_the_slant_range_of_its_place(x, y, height, look_si
     slants = 800.0 / np.cos(np.radians(geometry.flat_incidence_deg))
     np.testing.assert_allclose(np.diff(slants), 1.1, rtol=1e-6)
     assert np.interp(slant, slants, np.arange(slants.size)) == pytest.approx(geometry.point_row[0], abs=1e-4)
+    theta = np.arccos(800.0 / slant)
+    area = 1.1 * 2.1 * {"beta0": 1.0, "gamma0": 1.0 / np.tan(theta)}.get(radiometry, 1.0 / np.sin(theta))
+    assert geometry.point_amplitude[0] ** 2 * area == pytest.approx(10**0.7, rel=1e-4)
 
 
 @pytest.mark.parametrize("look_side", ["right", "left"])

@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from geometry_samples import objects_of
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from scipy import signal
 
 from radcal.bands import WIDTH_FACTOR
@@ -106,30 +104,6 @@ def test_ground_beside_a_box_keeps_its_level_where_areas_do_not_count(flat):
     assert geometry.shadow[int(end), NY // 2]
     # laid over, the ground before the box counts in full; at the shadow's end as far as it is seen
     assert ground[geometry.layover & geometry.visible].max() == pytest.approx(1.0, rel=1e-5)
-
-
-@pytest.mark.slow
-@settings(max_examples=20, deadline=None)
-@given(
-    x=st.floats(30.0, 130.0), y=st.floats(20.0, 40.0), z=st.floats(0.0, 25.0), dbsm=st.floats(-10.0, 40.0),
-    radiometry=st.sampled_from(["sigma0_local", "sigma0_ref", "beta0", "gamma0"]),
-    side=st.sampled_from(["right", "left"]),
-)  # fmt: skip
-def test_point_lies_at_its_place_with_its_energy(flat, x, y, z, dbsm, radiometry, side):
-    radar = FINE.model_copy(update={"radiometry": radiometry, "look_side": side, "looks": 2})
-    geometry = make_geometry(with_objects(flat, x_m=x, y_m=y, height_m=z, rcs_dbsm=dbsm), radar)
-    formation = ImageFormation(radar, geometry.shape, QUIET, geometry.points)
-    dark = uniform(np.zeros(geometry.shape, dtype=np.float32))
-    power = formation.intensity(dark, 3).astype(float)
-    away = slant(x if side == "right" else NX - x, z)
-    row, column = away - NEAR - 0.5, y - 0.5
-    # centre of energy: the impulse response is symmetric
-    rows, columns = np.indices(power.shape)
-    assert np.average(rows, weights=power) == pytest.approx(row, abs=0.02)
-    assert np.average(columns, weights=power) == pytest.approx(column, abs=0.02)
-    theta = np.arccos(ALTITUDE / away)
-    area = {"beta0": 1.0, "gamma0": 1 / np.tan(theta)}.get(radiometry, 1 / np.sin(theta))
-    assert power.sum() * area == pytest.approx(10 ** (dbsm / 10), rel=0.01)
 
 
 def test_point_behind_a_wall_is_dark_and_above_it_is_not(flat):

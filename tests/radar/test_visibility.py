@@ -1,11 +1,9 @@
-"""Rays over a line of facets, against the definition of the tangent of the look angle."""
+"""Layover along a line of facets."""
 
 import numpy as np
 import pytest
 
 from radcal.radar import visibility
-
-seen_from, slant_extent = visibility.seen_from.py_func, visibility.slant_extent.py_func
 
 
 @pytest.mark.parametrize(("fold_m", "laid"), [(2.1, True), (2.9, True), (1.9, False)])

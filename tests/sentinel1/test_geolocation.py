@@ -10,6 +10,7 @@ from lxml import etree
 from pyproj import Geod, Transformer
 from safe_product import LINES, NAME, PIXELS, STEM, place_of, radar_at, write_product
 
+from radcal.radar.earth import heading_at_scene
 from radcal.sentinel1.annotation import annotation_of
 
 
@@ -98,7 +99,8 @@ def test_a_real_product_agrees_with_its_own_grid():
     assert np.abs(found[0] - line)[known].max() < 0.3
     assert np.abs(found[1] - pixel)[known].max() < 0.7
     own = np.array([float(point.findtext("incidenceAngle")) for point in root.iter("geolocationGridPoint")])
-    angle = annotation.ground.look(longitude, latitude, height).incidence_deg
+    look = annotation.ground.look(longitude, latitude, height)
+    angle = look.incidence_deg
     # the annotated angle counts from the direction to the earth's centre, which is 0.19 deg off the ellipsoid's normal
     assert 0.02 < (angle - own).max() < 0.05
     place = np.array(
@@ -107,5 +109,11 @@ def test_a_real_product_agrees_with_its_own_grid():
     ray = annotation.ground._orbit(annotation.ground._zero_doppler(place.T)) - place.T
     central = (place.T * ray).sum(axis=1) / np.linalg.norm(place, axis=0) / np.linalg.norm(ray, axis=1)
     assert np.abs(np.degrees(np.arccos(central)) - own).max() < 0.003
+    # the annotated heading is that below the satellite, 2.7 to 4.7 degrees from the heading at the place
+    platform = float(root.findtext(".//platformHeading"))
+    places = zip(angle, look.altitude_m, latitude, strict=True)
+    at_place = np.array([heading_at_scene(platform, *one) for one in places])
+    assert np.abs((platform - look.heading_deg) % 360.0 - 3.7).max() < 1.5
+    assert np.abs((at_place - look.heading_deg + 180.0) % 360.0 - 180.0).max() < 0.4
     assert annotation.ground.shape == (16705, 26102)
     assert annotation.ground.shape != (LINES, PIXELS)
