@@ -54,22 +54,6 @@ def enclosed():
     return builtin_scene(1, "enclosed")
 
 
-def test_fields_of_the_enclosed_landscape_have_ridges_and_hedges(builtin, enclosed):
-    hedge = (enclosed.material == 4) & (builtin.material != 4)
-    assert 0.003 < hedge.mean() < 0.03
-    added = enclosed.elevation_m - builtin.elevation_m
-    centres = (np.arange(400) + 0.5) * 5.0
-    north, east = np.meshgrid(centres, centres, indexing="ij")
-    away = np.abs(east - module._dyke_axis_m(north) - 50.0) > 120.0  # where the height of the dyke has no effect
-    assert added[hedge & away].mean() == pytest.approx(3.5, abs=0.05)
-    worked = np.isin(enclosed.material, [5, 6]) & away
-    assert np.abs(added[worked]).max() <= 0.2 + 1e-9
-    assert added[worked].std() == pytest.approx(0.2 / np.sqrt(2), rel=0.1)  # a sine of amplitude 0.2 m
-    np.testing.assert_allclose(added[(enclosed.material == 3) & away], 0.0, atol=1e-9)
-    np.testing.assert_allclose(added[(builtin.material == 4) & away], 12.0, atol=1e-9)
-    np.testing.assert_array_equal(enclosed.material == 1, builtin.material == 1)
-
-
 @pytest.mark.slow
 def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(enclosed):
     geometry = make_geometry(enclosed, Case().radar)

@@ -1,7 +1,7 @@
 """Objects: aspect, tables and their refusals, the generator, and the way through a scene's file."""
 
 import sqlite3
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import h5py
 import numpy as np
@@ -16,9 +16,9 @@ from radcal.errors import ConfigError, SceneError
 from radcal.reading import vectors
 from radcal.scene.object_generator import BUILDING, CAR, TREE, generate_objects
 from radcal.scene.object_tables import Place, read_objects
-from radcal.scene.objects import Objects
 from radcal.scene.sources import make_scene
 from radcal.sections.scene import check_curve
+from radcal.storage.dataclass_groups import same
 
 UTM = "EPSG:32631"
 LOCAL = Place((200.0, 100.0))
@@ -34,17 +34,6 @@ ROWS = {
     "kind": ["reflector", "building", "car"],
 }
 CURVE = [[0.0, 20.0], [90.0, 30.0], [180.0, 10.0], [270.0, 30.0]]
-
-
-def assert_equal(a, b):
-    for item in fields(Objects):
-        x, y = getattr(a, item.name), getattr(b, item.name)
-        if isinstance(x, np.ndarray):
-            assert x.dtype == y.dtype
-            np.testing.assert_array_equal(x, y)
-    assert {k: np.asarray(v).tolist() for k, v in a.curves.items()} == {
-        k: np.asarray(v).tolist() for k, v in b.curves.items()
-    }
 
 
 def csv(path, **columns):
@@ -135,7 +124,7 @@ def test_a_table_is_read_as_it_is(write, tmp_path):
 def test_coordinates_of_the_map_become_those_of_the_scene(tmp_path):
     east, north = np.array(ROWS["x_m"]) + 600_000.0, np.array(ROWS["y_m"]) + 5_780_000.0
     on_map = read_objects(hdf5(tmp_path, x_m=east, y_m=north, crs=UTM), MAP)
-    assert_equal(on_map, read_objects(csv(tmp_path), LOCAL))
+    assert same(on_map, read_objects(csv(tmp_path), LOCAL))
 
 
 def test_polygons_of_a_layer_are_rectangles(tmp_path):
@@ -274,7 +263,7 @@ def test_layers_of_other_formats(tmp_path, ending):
     columns = {"height_m": [2.0, 9.5], "rcs_dbsm": [10.0, 25.5], "heading_deg": [30.0, 0.0], "kind": ["mast", "car"]}
     shapes = [shapely.Point(600_010.0, 5_780_020.0), shapely.Point(600_030.5, 5_780_021.0)]
     file = layers(tmp_path, shapes, columns, ending=ending)
-    assert_equal(read_objects(file, MAP), read_objects(layers(tmp_path, shapes, columns), MAP))
+    assert same(read_objects(file, MAP), read_objects(layers(tmp_path, shapes, columns), MAP))
     files = input_files(case_from({"scene": {"source": "builtin", "objects": {"path": str(file)}}}))
     others = ["shp", "shx", "dbf", "prj", "cpg"] if ending == "shp" else [ending]
     assert [path.name for path in files.values()] == [f"objects.{other}" for other in others]
@@ -404,7 +393,7 @@ def test_wrong_configurations(objects, says):
 def test_the_generator_is_that_of_its_seed():
     keys = {"trees": 300, "cars": 50, "buildings": 60}
     first, again, other = (generate_objects((900.0, 700.0), seed, **keys) for seed in (4, 4, 5))
-    assert_equal(first, again)
+    assert same(first, again)
     assert not np.isin(first.x_m, other.x_m).any()
     more = generate_objects((900.0, 700.0), 4, **(keys | {"cars": 70}))
     np.testing.assert_array_equal(more.x_m[:360], first.x_m[:360])  # kinds have streams of their own

@@ -476,11 +476,10 @@ def test_more_gaps_than_elevation_are_refused(build):
 
 
 def test_rasters_of_different_places(build):
-    elsewhere = Affine(10.0, 0.0, WEST + 50_000.0, 0.0, -10.0, SOUTH)
-    with pytest.raises(
-        SceneError, match=r"scene\.materials: .* \(longitude 5.*\) and scene\.elevation: .*do not overl"
-    ):
-        raster_scene(build(ids_transform=elsewhere))
+    said = r"scene\.materials: .* \(longitude 4.*\) and scene\.elevation: .*do not overlap"
+    for west, north in ((WEST + 610.0, SOUTH + 500.0), (WEST, SOUTH + 1010.0)):
+        with pytest.raises(SceneError, match=said):
+            raster_scene(build(ids_transform=Affine(10.0, 0.0, west, 0.0, -10.0, north)))
     with pytest.raises(SceneError, match="do not overlap"):
         raster_scene(build(ids_crs="EPSG:4326", ids_transform=Affine(0.1, 0, 100.0, 0, -0.1, -30.0)))
 
@@ -533,6 +532,10 @@ def test_whole_metres_are_an_error_of_the_slopes(build):
     assert numbers_of(whole, "height_steps") == pytest.approx(
         {"step_m": 1.0, "rounding_m": 12**-0.5, "error_m": 12**-0.5, "slope_error_deg": 2.34}, rel=0.01
     )
+    # rounding and the error of the heights are independent
+    both = raster_scene(build(np.round(heights).astype(np.int16), elevation_error_m=0.8))
+    slope = np.sqrt(2.0) * np.hypot(0.8, 12**-0.5) / 10.0
+    assert np.tan(np.radians(both.slope_error_deg)) == pytest.approx(slope, rel=0.01)
     # steps of the file's numbers times its scale
     config = build(np.round(10 * heights).astype(np.int16), crs=UTM, vertical_datum="NAP")
     with rasterio.open(config.elevation, "r+") as raster:

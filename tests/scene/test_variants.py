@@ -1,55 +1,16 @@
-"""Wrong variants of coordinates: order of axes, heading, radius of the earth, scale of a grid, aspect, slant range."""
+"""Wrong variants of the radius of the earth, of aspect, and of slant range."""
 
 import numpy as np
-import pytest
-from pyproj import CRS, Geod, Transformer
+from pyproj import CRS, Geod
 from variants import agrees
 
-from radcal.scene.crs import earth_radius_m, transformer, turned
-from radcal.scene.grid import _common, _empty
+from radcal.scene.crs import earth_radius_m, transformer
 from radcal.scene.objects import Objects
-from radcal.scene.raster import _slope_error_deg, rounding_error_m
 from radcal.scene.slant_range import flat_incidence_deg
 
 UTM = CRS.from_epsg(32632)
 LONGITUDE, LATITUDE = 7.3, 51.6
 GEOD = Geod(ellps="WGS84")
-
-
-def test_coordinates_are_longitude_and_latitude_whatever_the_order_of_the_authority():
-    """EPSG 4326 names the latitude first; the place is found by the length of its meridian and parallel."""
-    x, y = transformer(CRS.from_epsg(4326), UTM).transform(LONGITUDE, LATITUDE)
-    meridian = GEOD.inv(9.0, 0.0, 9.0, LATITUDE)[2] * 0.9996
-    parallel = GEOD.inv(9.0, LATITUDE, LONGITUDE, LATITUDE)[2] * 0.9996
-    agrees(
-        [x, y],
-        [5e5 - parallel, meridian],
-        rtol=1e-3,
-        axes=[y, x],
-        west=[5e5 + parallel, meridian],
-        no_offset=[-parallel, meridian],
-    )
-
-
-@pytest.mark.parametrize("heading", [12.0, 104.0, 349.0, 194.0])
-def test_second_axis_points_along_the_track_and_the_first_to_its_right(heading):
-    place = transformer(UTM.geodetic_crs, UTM).transform(LONGITUDE, LATITUDE)
-    track = turned(UTM, place, heading)
-    change = Transformer.from_crs(UTM.geodetic_crs, track, always_xy=True)
-    ends = []
-    for bearing in (heading, heading + 90.0):
-        longitude, latitude, _ = GEOD.fwd(LONGITUDE, LATITUDE, bearing, 1000.0)
-        ends.append(change.transform(longitude, latitude))
-    agrees(
-        ends,
-        [[0.0, 1000.0], [1000.0, 0.0]],
-        atol=0.5,
-        rtol=0.0,
-        axes=[[1000.0, 0.0], [0.0, 1000.0]],
-        left=[[0.0, 1000.0], [-1000.0, 0.0]],
-        backwards=[[0.0, -1000.0], [-1000.0, 0.0]],
-        other_turn=[[1000.0 * np.sin(2 * np.radians(heading)), 1000.0 * np.cos(2 * np.radians(heading))], [0.0, 0.0]],
-    )
 
 
 def test_radius_of_curvature_along_a_direction():
@@ -89,26 +50,6 @@ def test_cross_section_by_the_bearing_from_the_front():
     )
 
 
-def test_errors_of_heights_and_slopes():
-    agrees(
-        rounding_error_m(2.0),
-        np.std(np.linspace(-1.0, 1.0, 100_001)),
-        rtol=1e-4,
-        step=2.0,
-        half=1.0,
-        difference=2.0 / np.sqrt(6.0),
-    )
-    right = np.degrees(np.arctan(np.sqrt(2.0) * np.hypot(1.5, 2.0 / np.sqrt(12.0)) / 10.0))
-    agrees(
-        _slope_error_deg(1.5, 2.0, 10.0)[0],
-        right,
-        radians=np.radians(right),
-        one_height=np.degrees(np.arctan(np.hypot(1.5, 2.0 / np.sqrt(12.0)) / 10.0)),
-        sum_of_errors=np.degrees(np.arctan(np.sqrt(2.0) * (1.5 + 2.0 / np.sqrt(12.0)) / 10.0)),
-        no_rounding=np.degrees(np.arctan(np.sqrt(2.0) * 0.15)),
-    )
-
-
 def test_rows_are_equal_steps_of_slant_range():
     slant = np.linspace(1.0 / np.cos(np.radians(25.0)), 1.0 / np.cos(np.radians(48.0)), 7)
     ground = np.linspace(*np.tan(np.radians([25.0, 48.0])), 7)
@@ -120,14 +61,3 @@ def test_rows_are_equal_steps_of_slant_range():
         depression=np.degrees(np.arcsin(1.0 / slant)),
         backwards=np.degrees(np.arccos(1.0 / slant))[::-1],
     )
-
-
-def test_boxes_side_by_side_have_nothing_in_common_in_either_direction():
-    """West, south, east and north [m]; northings are larger than eastings, as in UTM."""
-    here = (600.0, 5000.0, 700.0, 5100.0)
-    for other, empty in (
-        ((650.0, 5050.0, 800.0, 5200.0), False),
-        ((710.0, 5000.0, 800.0, 5100.0), True),
-        ((600.0, 5110.0, 700.0, 5200.0), True),
-    ):
-        assert _empty(_common(here, other)) is _empty(_common(other, here)) is empty
