@@ -181,40 +181,13 @@ def test_amplitude_and_phase_pixels(tmp_path, table):
 
 
 def test_chip_keeps_the_polynomial_of_the_whole_image(tmp_path):
+    """To the left, range times the normal of the slant plane points against the flight: columns are turned over."""
     pixels, first, scp = pixels_of("RE32F_IM32F"), (120, 40), (130, 95)
     path = write(
         tmp_path / "a.nitf", pixels, first=first, scp=scp, side="L", radiometric={"SigmaZeroSFPoly": COEFFICIENTS}
     )
     expected = np.abs(pixels.astype(complex)) ** 2 * factor_of(COEFFICIENTS, first=first, scp=scp)
     np.testing.assert_allclose(read(path).image_db, db(expected)[:, ::-1], atol=1e-4)
-
-
-@pytest.mark.parametrize("side", ["R", "L"])
-def test_rows_grow_in_range_and_columns_along_the_flight(tmp_path, side):
-    places = [(2, 3), (7, 11), (20, 6)]
-    pixels = np.full(SHAPE, 1e-3, dtype=np.complex64)
-    for k, place in enumerate(places):
-        pixels[place] = 10.0 + k
-    image_db = read(write(tmp_path / "a.nitf", pixels, side=side)).image_db
-    found = [np.argwhere(np.abs(image_db - 20 * np.log10(10 + k)) < 1e-3)[0] for k in range(3)]
-    # where the pixels lie on the earth, from the file's own vectors: the library projects them
-    xml = xml_of(side=side)
-    helper = sarkit.sicd.XmlHelper(xml)
-    scp, row, column, radar, velocity = (
-        helper.load("./" + name)
-        for name in (
-            "{*}GeoData/{*}SCP/{*}ECF", "{*}Grid/{*}Row/{*}UVectECF", "{*}Grid/{*}Col/{*}UVectECF",
-            "{*}SCPCOA/{*}ARPPos", "{*}SCPCOA/{*}ARPVel",
-        )
-    )  # fmt: skip
-    points = sarkit.sicd.projection.image_grid_to_image_plane_point(
-        scp, row, column, sarkit.sicd.rowcol_to_xrowycol(xml, np.array(places))
-    )
-    flown = (points - scp) @ velocity / np.linalg.norm(velocity)
-    to_track = points - radar - flown[:, None] * velocity / np.linalg.norm(velocity)
-    slant = np.linalg.norm(to_track, axis=1)
-    np.testing.assert_allclose(np.diff([f[0] for f in found]) * SPACING["Row"], np.diff(slant), atol=1e-6)
-    np.testing.assert_allclose(np.diff([f[1] for f in found]) * SPACING["Col"], np.diff(flown), atol=1e-6)
 
 
 @pytest.mark.parametrize(
