@@ -9,12 +9,11 @@ import signal
 from pathlib import Path
 
 import h5py
-import numpy as np
 import pytest
 import yaml
 from sealed import changed
 from waiting import wait_until
-from workflow_project import COLUMNS, ROOT, ROWS, Project, make_project, tiny_case, write_raster
+from workflow_project import ROOT, Project, make_project, tiny_case
 
 from radcal.config import case_from
 from radcal.config.stages import SCHEMAS, STAGES
@@ -204,15 +203,6 @@ def test_whatever_is_missing_comes_back_and_no_run_is_repeated(finished):
     assert finished.records() == records
     # what is no part of the answer stays as it is
     assert [path.name for path in Path(leftover).parent.iterdir()] == ["proposal.json"]
-    # damage that Snakemake does not see: one figure gone, a table that was changed, an index gone
-    (out / "figures/law_field.png").unlink()
-    (out / "runs.csv").write_text("changed\n")
-    said = finished.ended(*CASE)
-    assert "radcal: missing, and made again: results/tiny/figures/law_field.png." in said
-    assert "radcal: results/tiny/runs.csv: is damaged or was changed" in said
-    assert {name: content(out / name) for name in before} == before
-    assert (out / "runs.csv.damaged").read_text() == "changed\n"
-    assert finished.records() == records
 
 
 def test_another_seed_is_another_design_as_if_it_had_always_been(finished, tmp_path):
@@ -242,22 +232,7 @@ def test_another_scene_or_pass_leaves_finished_results_until_told(finished):
     finished.write()
     # nothing was planned with the refused values, by which Snakemake would know the file of the failed job
     assert "Nothing to be done" in finished.ended(*CASE)
-    labels = (finished.folder / "labels.tif").read_bytes()
-    write_raster(
-        finished.folder / "labels.tif",
-        np.where(np.arange(COLUMNS) < 50, 1, 2).astype(np.uint8) * np.ones((ROWS, 1), np.uint8),
-    )
-    refused = finished.run(*CASE)
-    assert refused.returncode != 0
-    assert "results/tiny holds a finished calibration of another scene (the files that it is made from are others)" in (
-        refused.stdout
-    )
     assert finished.listing() == listing
-    (finished.folder / "labels.tif").write_bytes(labels)
-    # under a name of its own it is a case like any other, and under the old one the old results still stand
-    finished.write("looks3.yaml", case="looks3", radar={"looks": 3})
-    finished.ended("reference", "--configfile", "looks3.yaml")
-    assert len(finished.contents("looks3")) == 1
     # told to, the results give way; the runs stay
     finished.write(radar={"looks": 3})
     finished.ended("reference", *CASE, "--config", "replace=true")
