@@ -1,9 +1,16 @@
 """Images of fields under speckle, and smooth displacements of them."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from radcal.findings import Finding
+from radcal.image.model import Measurement
 from radcal.registration.displacement import invert
+from radcal.registration.registered import Registered
+
+PLAIN = Finding("polarisation_unknown", "note", "a.tif")
 
 
 def ground(shape, seed):
@@ -38,3 +45,10 @@ def hills(shape, slope_deg):
     """Heights of hills of some hundred metres on cells of 5 m, whose slopes have an sd."""
     rough = gaussian_filter(np.random.default_rng(5).standard_normal(shape), 12, mode="wrap")
     return rough * np.tan(np.radians(slope_deg)) * 5.0 / np.gradient(rough)[1].std()
+
+
+def registered_by(field, **changed):
+    """An empty image, of which something was found, moved by a displacement."""
+    nothing, moved = np.zeros(field.shape[1:], np.float32), field.astype(np.float32)
+    image = Measurement(nothing, "a.tif", findings=(PLAIN,))
+    return replace(Registered(image, nothing, moved, nothing, 0.0, "gefolki", True, ""), **changed)

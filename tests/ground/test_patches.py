@@ -34,13 +34,6 @@ def test_restricted_likelihood_is_the_marginal_one(example):
     np.testing.assert_allclose(found - found[0], wanted - wanted[0], atol=1e-9)
 
 
-def simulated(rng, n_patches, n_cells, between, within):
-    patch = np.repeat(np.arange(n_patches), n_cells)
-    sampling = np.full(patch.size, 0.05)
-    r = between * rng.normal(size=n_patches)[patch] + np.sqrt(within**2 + 0.05) * rng.normal(size=patch.size)
-    return Residuals(r, sampling, patch, np.ones((patch.size, 1)), np.eye(1) * 1e-6)
-
-
 def test_cells_are_parts_of_patches_in_blocks():
     mask = np.array([[1, 1, 0, 1], [0, 1, 0, 1]], dtype=bool)
     labels = label_patches(mask)

@@ -10,6 +10,8 @@ from radcal.reading.base import READERS, reader_of
     [
         ("/data/S1A_IW_GRDH_1SDV.SAFE/", "sentinel1", "sigma0_ref"),
         ("${DATA}/S1A_IW_GRDH_1SDV.SAFE/manifest.safe", "sentinel1", "sigma0_ref"),
+        ("S1A_IW_GRDH_1SDV.SAFE/measurement/a.tiff", "raster", None),
+        ("safe", "raster", None),
         ("gone.NITF", "sicd", None),
         ("a.npy", "array", None),
         ("OPERA_L2_RTC-S1_T093-197867-IW3_20210426T013646Z_S1A_30_v1.0_VH.tif", "raster", "gamma0_rtc"),

@@ -184,9 +184,6 @@ def test_an_image_on_the_map_is_seen_where_its_ground_lies(tmp_path, scene, rada
     expected = values[np.floor(220.0 - north).astype(int), np.floor(east).astype(int)]
     # places within rounding of the border between two pixels may take either
     assert np.mean(measurement.image_db[known] == expected) > 0.99
-    level = measurement.image_db[:, geometry.shape[1] // 2]
-    nearest, furthest = np.nanmean(level[:10]), np.nanmean(level[-10:])
-    assert (furthest - nearest > 10) if look_side == "right" else (nearest - furthest > 10)
     empty = np.count_nonzero(np.isnan(measurement.image_db))
     found = {one.code: one.numbers for one in measurement.findings}
     none = {"zero": 0, "negative": 0, "impossible": 0}

@@ -13,7 +13,6 @@ from radcal.sections.measurement import Synthetic
 from radcal.simulators.builtin import BuiltinSimulator
 
 TRUTH = [6.1, 14.2, 21.5, 3.3]
-GRASS = [10.0, 14.0, 6.0, 4.0]
 
 
 @pytest.fixture(scope="module")
@@ -48,13 +47,9 @@ def correlation(measurement, axis, pixels):
     "keys",
     [
         {"relief_m": 0.2},
-        {"resolution_factor": 1.2},
-        {"looks": 2},
-        {"nesz_db": 0.0},
         {"texture_db": 1.0},
         {"fields_db": {"dyke": 1.0}},
         {"wrong_labels": 0.05},
-        {"laws": {"dyke": {"law": "mangia", "parameters": [6.2, *TRUTH[1:]]}}},
     ],
     ids=lambda keys: next(iter(keys)),
 )

@@ -37,12 +37,12 @@ def seen(radar=RADAR, cell_m=1.0, **keys):
     return make_geometry(ground, radar)
 
 
-def of(geometry, name, at_least_deg=0.0):
+def of(geometry, name):
     """Sum of the weights of a material's facets in each pixel [m2 of ground, or of cross-section]."""
     per_facet = np.repeat(geometry.cell_material, np.diff(geometry.facet_start))
     pixel = np.repeat(np.arange(geometry.material.size), np.diff(geometry.cell_start))
     pixel = np.repeat(pixel, np.diff(geometry.facet_start))
-    own = (per_facet == name) & (geometry.facet_incidence >= at_least_deg * 65535 / 90)
+    own = per_facet == name
     total = np.bincount(pixel[own], geometry.facet_weight[own].astype(float), geometry.material.size)
     return total.reshape(geometry.shape)
 

@@ -15,15 +15,6 @@ def file(scale="power", **fields):
     return replace(file_to_read("image.tif", scale), **fields)
 
 
-@pytest.mark.parametrize(
-    ("scale", "value", "expected_db"),
-    [("power", 2.0, 3.0103), ("amplitude", 2.0, 6.0206), ("complex", 3 - 4j, 13.9794), ("db", -7.25, -7.25)],
-)
-def test_a_value_in_db(scale, value, expected_db):
-    image, _ = to_db(np.full((2, 3), value), file(scale))
-    np.testing.assert_allclose(image, expected_db, atol=1e-4)
-
-
 def test_each_kind_of_value_without_power_is_counted_once():
     values = np.full((20, 30), 5.0)
     values[0, :4], values[1, :3], values[2, :2] = np.nan, 0.0, -1.0

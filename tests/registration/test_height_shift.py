@@ -5,17 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import registration_samples
+from registration_samples import PLAIN, registered_by
 from scipy.ndimage import map_coordinates
 
 from radcal.config import Radar
-from radcal.findings import Finding
-from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.height_shift import HeightShift, height_shift, with_height_finding
-from radcal.registration.registered import Registered
 
-PLAIN = Finding("polarisation_unknown", "note", "a.tif")
 RADAR = Radar(
     altitude_m=4000.0, depression_deg=50.0, range_resolution_m=4.0, azimuth_resolution_m=6.0, range_spacing_m=3.0,
     azimuth_spacing_m=5.0,
@@ -34,18 +31,12 @@ def geometry(hills):
     return make_geometry(hills, RADAR)
 
 
-def moved(displacement_px):
-    nothing = np.zeros(displacement_px.shape[1:], np.float32)
-    image = Measurement(nothing, "a.tif", findings=(PLAIN,))
-    return Registered(image, nothing, displacement_px.astype(np.float32), nothing, 0.0, "gefolki", True, "")
-
-
 def by_height(scene, geometry, m_per_m, seed=3):
     """Warp of 2 pixels (rms), and a displacement along slant range with the height of the ground."""
     field = smooth_warp(geometry.shape, 2.0, np.random.default_rng(seed))
     height = map_coordinates(scene.elevation_m, np.nan_to_num(geometry.ground), order=1, mode="nearest")
     field[0] += m_per_m * height / RADAR.range_spacing_m
-    return moved(field)
+    return registered_by(field)
 
 
 @pytest.mark.parametrize("m_per_m", [-0.38, 0.27])

@@ -1,12 +1,10 @@
 """Files that the manifest of a SAFE folder lists."""
 
 import os
-from pathlib import Path
 
 import pytest
-from safe_product import NAME, STEM, write_product
+from safe_product import STEM, write_product
 
-from radcal.sentinel1.reader import Sentinel1Reader
 from radcal.sentinel1.safe import chosen_image, safe_folder, safe_images
 
 
@@ -69,10 +67,3 @@ def test_an_image_without_its_tables_is_refused(tmp_path):
     manifest.write_text(manifest.read_text().replace(f"/noise-{STEM}", "/noise-other"))
     with pytest.raises(ValueError, match=f"lists no noise of {STEM}.tiff"):
         safe_images(safe)
-
-
-def test_names_of_products():
-    for name in (f"${{DATA}}/{NAME}", f"{NAME}/", f"{NAME}/manifest.safe"):
-        assert Sentinel1Reader.matches(Path(name))
-    for name in (f"{NAME}/measurement/a.tiff", "safe"):
-        assert not Sentinel1Reader.matches(Path(name))

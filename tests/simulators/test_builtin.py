@@ -12,11 +12,6 @@ LAWS = dict.fromkeys(("dyke", "grass"), law_for("mangia"))
 X = {"dyke": [6.1, 14.2, 21.5, 3.3], "grass": [10.0, 14.0, 6.0, 4.0]}
 
 
-@pytest.fixture
-def simulator(geometry, radar):
-    return BuiltinSimulator(geometry, radar, LAWS)
-
-
 def test_looks_that_are_not_whole_keep_common_random_numbers(geometry, radar):
     """A changed law changes the image as if it were made anew, and only by the law where one material is alone."""
     broken = radar.model_copy(update={"looks": 2.6, "nesz_db": -200.0})

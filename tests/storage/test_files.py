@@ -113,16 +113,14 @@ def test_digest_refuses_nan():
 
 
 def test_sweep_removes_partials_of_dead_processes_only(tmp_path):
-    gone = subprocess.Popen([sys.executable, "-c", ""])
-    gone.wait()
-    host = socket.gethostname()
-    dead = tmp_path / "runs" / f".partial-{host}-{gone.pid}-a-b.h5"
+    host, gone = socket.gethostname(), 999999999
+    dead = tmp_path / "runs" / f".partial-{host}-{gone}-a-b.h5"
     kept = [
         tmp_path / f".partial-{host}-{os.getpid()}-a.h5",
         tmp_path / f".partial-{host}-{os.getppid()}-a.h5",
-        tmp_path / f".partial-elsewhere.{host}-{gone.pid}-a.h5",
+        tmp_path / f".partial-elsewhere.{host}-{gone}-a.h5",
         tmp_path / "a.h5",
-        tmp_path / f"partial-{host}-{gone.pid}-a.h5",
+        tmp_path / f"partial-{host}-{gone}-a.h5",
     ]
     dead.parent.mkdir()
     for path in [dead, *kept]:
