@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from assessment_samples import made_cells
 from scipy.ndimage import gaussian_filter
 
 from radcal.checking.outlook import cells_of, fixed_laws, start_image, unreachable
 from radcal.image.model import Measurement
-from radcal.posterior.cells import CellMeans
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import with_noise_db
 from radcal.simulators.builtin import BuiltinSimulator
@@ -138,20 +138,11 @@ def test_the_start_image_is_that_of_the_starting_laws(start, ground):
 
 def test_the_interval_of_a_level_is_that_of_its_fields_and_speckle(build_case):
     """Two fields of three cells and one cell; a law of 2 dB at all angles and noise of the same power."""
-    whole, real = np.array([1, 1, 1, 4]), np.array([30.0, 34.0, 37.0, 31.0])
-    cells = CellMeans(
-        patch=whole,
-        incidence_deg=real,
-        measured_db=np.array([5.3, 6.1, 5.8, 9.4]),
-        beside_db=np.array([0.4, 0.0, -0.3, 0.9]),
-        area_db=np.zeros(4),
-        noise_db=np.full(4, 2.0),
-        share=np.full(4, 0.5),
-        variance=np.array([0.04, 0.03, 0.01, 0.09]),
-        pixels=np.array([100, 300, 200, 400]),
-        fold=np.zeros(4, dtype=np.int64),
-        looks=4.0,
-    )
+    cells = made_cells(
+        [5.3, 6.1, 5.8, 9.4], [30.0, 34.0, 37.0, 31.0], beside_db=np.array([0.4, 0.0, -0.3, 0.9]),
+        noise_db=np.full(4, 2.0), share=np.full(4, 0.5), variance=np.array([0.04, 0.03, 0.01, 0.09]),
+        pixels=np.array([100, 300, 200, 400]), patch=np.array([1, 1, 1, 4]),
+    )  # fmt: skip
     materials = {"dyke": {"calibrate": True}, "grass": {"parameters": [2.0, 0.0, 0.0, 1.0]}}
     levels = {}
     for law_db in (1.2, 0.3):

@@ -26,7 +26,6 @@ from radcal.posterior.result import LevelPoints
 from radcal.results.archive import Fidelity, Images, SearchFront
 from radcal.scene.objects import Objects
 
-HIDDEN = [6.1, 14.2, 21.5, 3.3]
 MANY = [f"material {n}" for n in range(13)] + ["a_name_" * 8, "two words", "two_words"]
 
 

@@ -10,11 +10,6 @@ LAW = LAWS["mangia"]
 X = np.array([-30.0, 18.0, 5.0, 5.0])
 
 
-def speckled(rng, incidence_deg, looks, x=X):
-    n = incidence_deg.size
-    return LAW(np.radians(incidence_deg), x) + 10.0 * np.log10(rng.gamma(looks, 1.0 / looks, n))
-
-
 def test_several_laws_at_once_are_the_single_laws_bit_for_bit():
     nodes = np.linspace(20.0, 50.0, 24).reshape(2, 12)
     several = np.array([X, X + [3.0, -2.0, 1.0, 0.5], X - 1.0])

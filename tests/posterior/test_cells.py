@@ -103,6 +103,8 @@ def test_correlated_pixels_count_as_fewer():
     )
     share = 1.0 / (1.0 + 2.0 * 0.4 * 23.0 / 24.0)  # a cell has rows of 24 pixels
     np.testing.assert_allclose(alike.variance, alone.variance / share, rtol=0.01)
+    # and scatter less about their own mean
+    assert alike.looks / alone.looks == pytest.approx((576.0 - 1.0 / share) / 575.0, rel=2e-4)
     # the bias of the logarithm of the mean is half its variance
     np.testing.assert_allclose(
         alike.measured_db - alone.measured_db, (1.0 / share - 1.0) * alone.variance / 4.0 / DB, rtol=0.02

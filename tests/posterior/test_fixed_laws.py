@@ -10,7 +10,7 @@ from scipy.stats import halfnorm, lognorm, multivariate_normal, t
 from radcal.config import Uncertainty
 from radcal.posterior import fixed_laws
 from radcal.posterior.effects import FORM_DEG, Observed, common_columns, form_basis
-from radcal.posterior.fixed_laws import _Scales, apart_db, half_normal
+from radcal.posterior.fixed_laws import _Scales, apart_db
 
 CONFIG = Uncertainty(walkers=64, steps=1500)
 BRIEF = Uncertainty(walkers=32, steps=100)
@@ -181,12 +181,8 @@ def test_the_error_of_a_form_is_a_gaussian_process():
     np.testing.assert_allclose(form_basis(angle, knots, 3), basis[:, :3])
 
 
-def test_priors_of_scales():
-    """Densities of logarithms, up to a constant, by scipy."""
-    log = np.log([0.05, 0.4, 1.7])
-    wanted = halfnorm.logpdf(np.exp(log), scale=0.6) + log
-    np.testing.assert_allclose(np.diff(half_normal(log, 0.6)), np.diff(wanted))
-    # a normal distribution whose variance is multiplied by w is a t distribution of 4 degrees of freedom
+def test_the_factor_of_a_variance_makes_a_t_distribution():
+    """A normal distribution whose variance is multiplied by w is a t distribution of 4 degrees of freedom."""
     w = np.linspace(-6.0, 8.0, 4001)
     weight = np.exp(fixed_laws._scale_mixture(w))
     weight /= weight.sum()

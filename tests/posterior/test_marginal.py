@@ -5,20 +5,14 @@ import numpy as np
 from radcal.posterior import marginal
 from radcal.posterior.marginal import Marginal, normal_draws
 
-N, FIELDS = 70, 6
 GRID = np.log(np.geomspace(0.01, 3.0, 32)), np.log(np.geomspace(0.01, 8.0, 32))
 
 
-def made(n=N, fields=FIELDS, seed=3):
+def made(n=70):
     """Columns (the last is the values), variances and fields of cells, whose numbers have gaps."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(3)
     columns = np.column_stack([np.ones(n), rng.normal(1.0, 2.0, n), rng.normal(0.0, 1.0, (n, 2))])
-    return columns, 10.0 ** rng.uniform(-2.5, -0.8, n), 7 * rng.integers(1, fields + 1, n) + 2
-
-
-def dense(variance, patch, cell, field):
-    """Covariance of cells: speckle and effect of each cell, and effects that the cells of a field share."""
-    return np.diag(variance + cell**2) + field**2 * (patch[:, None] == patch)
+    return columns, 10.0 ** rng.uniform(-2.5, -0.8, n), 7 * rng.integers(1, 7, n) + 2
 
 
 def test_the_grid_reaches_as_far_as_the_priors():

@@ -1,14 +1,17 @@
 """Targets by incidence-angle bin."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from calibration_samples import TRUTH
 
+from radcal.config import RegistrationConfig
+from radcal.image.model import Measurement
 from radcal.inference.misfit import BinMisfit
 from radcal.laws import LAWS, law_for
-from radcal.registration.registered import Registered
+from radcal.registration.registered import register
 from radcal.targets import target_fit
 from radcal.targets.target_fit import HELD_OUT, bin_targets
 
@@ -38,16 +41,9 @@ def test_the_law_found_without_a_simulator_is_nearly_right(parts):
 
 
 def registered_with(shape, uncertainty_px):
-    return Registered(
-        measurement=None,
-        unregistered_db=np.empty(0),
-        displacement_px=np.zeros((2, *shape), dtype=np.float32),
-        uncertainty_px=np.full(shape, uncertainty_px, dtype=np.float32),
-        correlation=1.0,
-        method="gefolki",
-        applied=True,
-        verdict="",
-    )
+    nothing = np.zeros(shape, dtype=np.float32)
+    still = register(nothing, Measurement(nothing, "a.tif"), RegistrationConfig(method="none"))
+    return replace(still, uncertainty_px=np.full(shape, uncertainty_px, dtype=np.float32))
 
 
 @pytest.mark.slow
