@@ -17,13 +17,14 @@ def test_angles_stay_possible():
 
 
 def test_edges_have_most_of_the_error_of_a_registration():
-    """A ridge: slopes of 0.5 degrees a row, and a jump of 8 degrees between rows 9 and 10."""
+    """A ridge: slopes of 0.5 degrees a row and 1.2 degrees a column, and a jump of 8 degrees between rows 9 and 10."""
     rows = 30.0 + 0.5 * np.arange(20.0) + 8.0 * (np.arange(20) >= 10)
-    incidence = np.broadcast_to(rows[:, None], (20, 6)).astype(np.float32).copy()
+    incidence = np.add.outer(rows, 1.2 * np.arange(6.0)).astype(np.float32)
     incidence[0, 0] = np.nan
     found = registration_error_deg(incidence, np.full((20, 6), 0.4, dtype=np.float32), np.arange(120)).reshape(20, 6)
-    np.testing.assert_allclose(found[[4, 15], 3], 0.5 * 0.4 / np.sqrt(2.0), rtol=1e-6)
-    np.testing.assert_allclose(found[[9, 10], 3], 4.5 * 0.4 / np.sqrt(2.0), rtol=1e-6)  # central difference
+    np.testing.assert_allclose(found[[4, 15], 3], 1.3 * 0.4 / np.sqrt(2.0), rtol=1e-5)
+    wanted = np.hypot(4.5, 1.2) * 0.4 / np.sqrt(2.0)  # central difference
+    np.testing.assert_allclose(found[[9, 10], 3], wanted, rtol=1e-5)
     # beside a place without incidence: root mean square of the rest
     rest = np.ones((20, 6), dtype=bool)
     rest[[0, 1, 0], [0, 0, 1]] = False

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 from scipy import stats
+from variants import agrees
 
-from radcal.posterior.sampling import _judged, _mixture_move, mixed, sample
+from radcal.posterior.sampling import _judged, _mixture_move, mixed, sample, split_r_hat
 
 MEAN = np.array([0.3, -2.0, 5.0])
 COVARIANCE = np.array([[0.04, 0.03, 0.0], [0.03, 0.25, -0.2], [0.0, -0.2, 4.0]])
@@ -97,3 +98,19 @@ def test_samples_are_mixed_with_given_probabilities():
     assert np.diff(second).max() == 11
     first, second = mixed([0.25, 0.75], [400, 300])
     assert (first.size, second.size) == (100, 300)
+
+
+def test_convergence_by_the_variance_between_halves_of_chains():
+    """Eight groups of one walker, which drift; the square root of the ratio of variances."""
+    rng = np.random.default_rng(6)
+    chains = rng.normal(size=(60, 8, 1)) + np.linspace(0.0, 1.5, 60)[:, None, None] + 0.4 * np.arange(8)[:, None]
+
+    def ratio(parts):
+        n = parts.shape[1]
+        within, between = parts.var(axis=1, ddof=1).mean(), parts.mean(axis=1).var(ddof=1)
+        return float((n - 1) / n + between / within)
+
+    whole = chains[:, :, 0].T
+    halves = np.concatenate([whole[:, :30], whole[:, 30:]])
+    right = np.sqrt(ratio(halves))
+    agrees(split_r_hat(chains), [right], squared=[right**2], not_split=[np.sqrt(ratio(whole))], inverse=[1.0 / right])

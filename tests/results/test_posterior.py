@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from archives import changed_findings, changed_material, determined, posterior, without_curve
-from assessment_samples import held_cells
 
 from radcal.figures.law_figures import law
 from radcal.findings import Finding
@@ -37,22 +36,6 @@ def test_the_summary_holds_curve_intervals_and_where_the_law_is_determined(made,
     assert summarise(nowhere)["materials"]["dyke"]["identified"] is False
     found = summarise(changed_material(archive, "dyke", posterior=without_curve()))["materials"]["dyke"]
     assert [found[key] for key in ("known_between_deg", "sigma0_curve", "identified", "fits")] == [None] * 4
-
-
-def test_the_summary_holds_errors_and_coverage_of_each_prediction(made):
-    without = summarise(made.archive)["materials"]["dyke"]
-    assert (without["validation"], without["fields_left_out"]) == (None, None)
-    cells = held_cells()
-    few = held_cells(slice(1, None))
-    archive = changed_material(made.archive, "dyke", posterior=posterior(held=cells, left_out=few))
-    found = summarise(archive)["materials"]["dyke"]
-    assert found["validation"] == pytest.approx({
-        "n_cells": 3, "n_fields": 2, "rmse_db": np.sqrt((1.4**2 + 1.0 + 2.5**2) / 3.0),
-        "rmse_law_db": np.sqrt((0.6**2 + 0.5**2 + 3.5**2) / 3.0),
-        "rmse_constant_db": np.sqrt((3.4**2 + 2.5**2 + 1.5**2) / 3.0),
-        "coverage_90": 2 / 3, "coverage_law_90": 1 / 3, "coverage_constant_90": 1.0,
-    })  # fmt: skip
-    assert (found["fields_left_out"]["n_cells"], found["fields_left_out"]["n_fields"]) == (2, 1)
 
 
 def test_a_refuted_law_does_not_fit(made):
