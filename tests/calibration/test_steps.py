@@ -230,7 +230,7 @@ def test_lines_of_the_log_name_the_nearest_and_the_worst_material(parts, runner,
         f"differ by {best:.2e} ({low}) to {worst:.2e} ({high}) per dB (rms)"
     )
     history = History([make_run("reference", 0, {"a": 0.6, "b": 0.4}), make_run("design", 0, {"a": 0.2, "b": 0.3})])
-    start = "run   1 (iteration 0): "
+    start = "after   1 run (iteration 0): "
     for tolerance, wanted in (
         (0.1, "0 of 2 laws meet the stop criterion; b: rms 0.3, above the tolerance 0.1 so far"),
         (0.25, "1 of 2 laws meets the stop criterion; b: rms 0.3, above the tolerance 0.25 so far"),
@@ -243,7 +243,7 @@ def test_lines_of_the_log_name_the_nearest_and_the_worst_material(parts, runner,
     infill = Run("infill", 0, ["k"], 0.5, scores, proposals)
     history = History([make_run("reference", 0, dict.fromkeys(moved, 9.0)), infill])
     line = progress_line(history, list(moved), Stop(law_db=0.05), "classes")
-    assert line.startswith("run   1 (iteration 1): 0 of 2 laws meet the stop criterion; b: stop criterion not met")
+    assert line.startswith("after   1 run (iteration 1): 0 of 2 laws meet the stop criterion; b: stop criterion not")
     assert "0.24 dB" in line
 
 

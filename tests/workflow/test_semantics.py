@@ -147,7 +147,7 @@ def test_runs_of_an_iteration_are_jobs_that_keep_what_they_made(project):
     first = project.records()
     assert len(first) == 1 + 6 + 1
     said = project.ended("results/tiny/final.json", *CASE)
-    assert re.findall(r"run +(\d+) \(iteration (\d+)\)", said) == [("8", "1"), ("9", "2")]
+    assert re.findall(r"after +(\d+) runs \(iteration (\d+)\)", said) == [("8", "1"), ("9", "2")]
     after = project.records()
     assert {name: after[name] for name in first} == first
     infill = read_runs([project.out() / f"iterations/{k}/verified.json" for k in (0, 1)]).infill

@@ -346,4 +346,4 @@ def progress_line(history: History, materials: Sequence[str], stop: Stop, object
     if left:
         farthest = max(left, key=lambda one: max(float(one.numbers.get(key, 0.0)) for key in ("moved_db", "rms")))
         text += f"; {sentence(farthest).removesuffix('.')}"
-    return f"run {runs:>3} (iteration {history.iterations}): {text}"
+    return f"after {runs:>3} run{'s' * (runs != 1)} (iteration {history.iterations}): {text}"
