@@ -9,6 +9,7 @@ from radcal.errors import SurrogateError
 from radcal.inference.moments import to_dp
 from radcal.objectives import objective_class
 from radcal.proposals.kriging import JITTER, Kriging, baseline_factor
+from radcal.proposals.smt_kriging import train_smt
 from radcal.proposals.surrogate import Surrogate, Training, Trainings, train_surrogate
 
 BOUNDS = np.array([[0.0, 2.0], [-1.0, 1.0]])
@@ -171,6 +172,7 @@ def test_smt_trains_where_the_paper_asks_for_it():
     x = points(2)
     training = train_surrogate(objective(), x, truth(x)[:, :1], SurrogateConfig(training="smt"))
     assert training.scales.shape == (3, 2)
+    np.testing.assert_array_equal(training.scales[0], train_smt((x - BOUNDS[:, 0]) / 2.0, truth(x)[:, 0, 0])[0])
     assert (training.nugget < JITTER).all()
     np.testing.assert_allclose(
         Surrogate(training, objective()).predict((x - BOUNDS[:, 0]) / 2.0), truth(x)[:, :1], atol=1e-4

@@ -34,6 +34,7 @@ ROWS = {
     "kind": ["reflector", "building", "car"],
 }
 CURVE = [[0.0, 20.0], [90.0, 30.0], [180.0, 10.0], [270.0, 30.0]]
+WALLS = {"rcs_dbsm": [10.0, np.nan, 15.0], "roof": ["", "tiles", ""], "wall_sigma0_db": [np.nan, -4.0, np.nan]}
 
 
 def csv(path, **columns):
@@ -179,15 +180,22 @@ def refused(path, place=LOCAL, **keys):
         ({"aspect": ["", "", "car"]}, "row 3: rcs_dbsm is 15, expected it empty where the row has an aspect class"),
         ({"aspect": ["", "", "car"], "rcs_dbsm": [1.0, np.nan, np.nan]}, "row 2: rcs_dbsm is empty"),
         ({"length_m": None, "lenght_m": [0.0, 1.0, 2.0]}, "unknown column 'lenght_m' (did you mean 'length_m'?)"),
+        (WALLS | {"wall_sigma0_db": [np.nan] * 3}, "row 2: wall_sigma0_db is empty, expected the sigma0 of the walls"),
+        (WALLS | {"roof": [""] * 3, "rcs_dbsm": [1.0] * 3},
+         "row 2: wall_sigma0_db is given, expected a roof beside it"),
+        (WALLS | {"roof": [""] * 3, "wall_sigma0_db": [np.nan] * 3}, "row 2: rcs_dbsm is empty"),
+        (WALLS | {"rcs_dbsm": [1.0] * 3}, "row 2: rcs_dbsm is given, expected it empty where the row has a roof"),
+        (WALLS | {"aspect": ["", "car", ""]}, "row 2: has a roof and an aspect class, expected one of them"),
+        (WALLS | {"bounce": [0.0, 0.5, 0.0]}, "row 2: bounce is not 0 or 1"),
+        (WALLS | {"bounce": [1.0, 0.0, 0.0]},
+         "row 1: has a roof or a bounce, expected length_m and width_m beside them"),
+        (WALLS | {"wall_sigma0_db": [np.nan, 60.0, np.nan]}, "row 2: wall_sigma0_db is 60, expected -60 to 30 dB"),
     ],
 )  # fmt: skip
 def test_wrong_rows(columns, says, tmp_path):
     text = refused(csv(tmp_path, **columns), curves={"car": CURVE})
     assert says in text
     assert text.startswith("scene.objects.path")
-
-
-WALLS = {"rcs_dbsm": [10.0, np.nan, 15.0], "roof": ["", "tiles", ""], "wall_sigma0_db": [np.nan, -4.0, np.nan]}
 
 
 @pytest.mark.parametrize("write", [csv, hdf5])
@@ -205,23 +213,6 @@ def test_rows_with_a_roof_have_walls(write, tmp_path):
     assert alone.walls.roofs == ()
     np.testing.assert_array_equal(alone.walls.roof, -1)
     assert read_objects(write(tmp_path, bounce=[0.0, np.nan, 0.0]), LOCAL).walls is None
-
-
-@pytest.mark.parametrize(
-    ("columns", "says"),
-    [
-        ({"wall_sigma0_db": [np.nan] * 3}, "row 2: wall_sigma0_db is empty, expected the sigma0 of the walls"),
-        ({"roof": [""] * 3, "rcs_dbsm": [1.0] * 3}, "row 2: wall_sigma0_db is given, expected a roof beside it"),
-        ({"roof": [""] * 3, "wall_sigma0_db": [np.nan] * 3}, "row 2: rcs_dbsm is empty"),
-        ({"rcs_dbsm": [1.0] * 3}, "row 2: rcs_dbsm is given, expected it empty where the row has a roof"),
-        ({"aspect": ["", "car", ""]}, "row 2: has a roof and an aspect class, expected one of them"),
-        ({"bounce": [0.0, 0.5, 0.0]}, "row 2: bounce is not 0 or 1"),
-        ({"bounce": [1.0, 0.0, 0.0]}, "row 1: has a roof or a bounce, expected length_m and width_m beside them"),
-        ({"wall_sigma0_db": [np.nan, 60.0, np.nan]}, "row 2: wall_sigma0_db is 60, expected -60 to 30 dB"),
-    ],
-)
-def test_rows_whose_walls_contradict_the_rest(columns, says, tmp_path):
-    assert says in refused(csv(tmp_path, **(WALLS | columns)), curves={"car": CURVE})
 
 
 def test_wrong_files(tmp_path):

@@ -456,18 +456,16 @@ def test_heights_in_the_feet_of_a_crs_are_refused(build):
 def test_heights_that_no_place_has_are_refused(build):
     heights = np.full(SHAPE, 30.0)
     heights[3, 3] = -9999.0
-    with pytest.raises(
-        SceneError, match=r"holds heights from -9999 to 30 m, expected -1000 to 9000.*gdal_edit -a_nodata"
-    ):
+    said = r"holds heights from -9999 to 30 m, expected -1000 to 9000.*gdal_edit -a_nodata"
+    with pytest.raises(SceneError, match=said):
         raster_scene(build(heights))
 
 
 def test_more_gaps_than_elevation_are_refused(build):
     heights = np.full(SHAPE, np.nan)
     heights[:, :20] = 30.0
-    with pytest.raises(
-        SceneError, match=r"scene\.elevation: .* has no elevation in 2000 of 3000 cells, expected in at"
-    ):
+    said = r"scene\.elevation: .* has no elevation in 2000 of 3000 cells, expected in at"
+    with pytest.raises(SceneError, match=said):
         raster_scene(build(heights))
     ids = np.ones(SHAPE, dtype=np.uint8)
     ids[:, :31] = 9
@@ -488,9 +486,8 @@ def test_too_few_and_too_many_cells(build):
     assert raster_scene(build(cell_m=62.0)).material.shape == (8, 9)
     with pytest.raises(SceneError, match=r"scene\.cell_m is 80, which makes 7 x 6 cells .*expected at least 8 x 8"):
         raster_scene(build(cell_m=80.0))
-    with pytest.raises(
-        SceneError, match=r"scene\.cell_m is 0.01, which makes 60000 x 50000 cells, expected at most 1e"
-    ):
+    said = r"scene\.cell_m is 0.01, which makes 60000 x 50000 cells, expected at most 1e"
+    with pytest.raises(SceneError, match=said):
         raster_scene(build(cell_m=0.01))
 
 

@@ -1,5 +1,4 @@
 import json
-from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ from radcal.errors import ConfigError, SceneError
 from radcal.scene.slant_range import slant_range_scene
 
 LABELS = np.array([[0, 1, 1, 3], [3, 3, 1, 0], [1, 0, 0, 3]], dtype=np.uint8)
-Write = Callable[..., SlantRangeScene]
 
 
 @pytest.fixture

@@ -2,7 +2,6 @@
 
 import os
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pytest
@@ -10,11 +9,10 @@ from calibration_samples import drawn_target
 from raster_files import read_image
 from scipy import stats
 
-from radcal.config import Case, load
+from radcal.config import load
 from radcal.ground.pixels import point_targets
 from radcal.image.looks import estimate_looks
 from radcal.image.model import Measurement
-from radcal.radar.geometry import Geometry
 from radcal.radar.projection import make_geometry
 from radcal.scene.sources import make_scene
 from radcal.targets.target import Targets
@@ -22,12 +20,6 @@ from radcal.targets.target import Targets
 pytestmark = pytest.mark.skipif("RADCAL_DATA" not in os.environ, reason="RADCAL_DATA is not set: no measured data")
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-class Parts(NamedTuple):
-    case: Case
-    geometry: Geometry
-    measurement: Measurement
 
 
 def table():
@@ -45,22 +37,23 @@ def parts():
     case = load([ROOT / "config" / "flevoland.yaml"])
     geometry = make_geometry(make_scene(case.scene, list(case.materials)), case.radar)
     path = Path(os.environ["RADCAL_DATA"]) / "flevoland" / "sigma0_hh.tif"
-    return Parts(case, geometry, Measurement(read_image(path, case.measurement, geometry.shape).image_db, path.name))
+    return case, geometry, Measurement(read_image(path, case.measurement, geometry.shape).image_db, path.name)
 
 
 def test_classes_have_the_moments_of_the_table(parts):
-    expected = table()
+    expected, (_, geometry, measurement) = table(), parts
     assert len(expected) == 15
-    assert list(expected) == list(parts.geometry.names)
+    assert list(expected) == list(geometry.names)
     for name, (pixels, *moments) in expected.items():
-        values = parts.measurement.image_db.ravel()[parts.geometry.pixels(name)].astype(float)
+        values = measurement.image_db.ravel()[geometry.pixels(name)].astype(float)
         assert values.size == pixels
         found = [values.mean(), values.std(), stats.skew(values)]
         np.testing.assert_allclose(found, moments, atol=0.0051, err_msg=name)
 
 
 def test_looks_are_those_of_the_literature_less_what_processing_takes(parts):
-    looks = estimate_looks(parts.measurement.image_db, parts.geometry.material, parts.case.radar)
+    case, geometry, measurement = parts
+    looks = estimate_looks(measurement.image_db, geometry.material, case.radar)
     assert 2.5 < looks.low < looks.looks < looks.high < 3.5
 
 
