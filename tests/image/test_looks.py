@@ -113,9 +113,8 @@ def test_a_wrong_scale_is_named_by_the_looks_that_it_would_give(found, scale, sa
 
 
 def test_a_filtered_image_is_not_blamed_for_its_scale():
-    with pytest.raises(
-        MeasurementError, match=r"^measurement\.path: a\.tif is speckle-filtered: .*set radar\.looks: 14 "
-    ):
+    said = r"^measurement\.path: a\.tif is speckle-filtered: .*set radar\.looks: 14 "
+    with pytest.raises(MeasurementError, match=said):
         check_looks(Looks(14.0, 13.0, 15.0, 50), 4, "power", "a.tif", filtered=True)
 
 

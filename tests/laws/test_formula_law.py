@@ -163,8 +163,7 @@ def test_a_formula_is_tried_up_to_90_degrees_and_inside_of_its_bounds_alone():
 
 def test_a_pole_is_found_in_spite_of_rounding():
     """30 degrees converted to radians and back are not exactly 30, so that the value is finite, and huge."""
-    with pytest.raises(
-        ValueError, match=r"formula 'a \+ 1/\(theta-30\)' is -2\.8.*e\+14 at an incidence of 30 degrees"
-    ):
+    said = r"formula 'a \+ 1/\(theta-30\)' is -2\.8.*e\+14 at an incidence of 30 degrees"
+    with pytest.raises(ValueError, match=said):
         refuse_infinite(formula_law("a + 1/(theta-30)", ["a"]), box=[(-30.0, 0.0)])
     refuse_infinite(formula_law("a - 1/cos(phi)", ["a"]), at=[1.0])  # a pole at 90 degrees, which no facet reaches

@@ -82,9 +82,8 @@ def test_findings_tell_what_is_unusable(read, image_db):
 def test_material_without_a_finite_pixel(read, geometry, image_db):
     image_db.ravel()[geometry.pixels("dyke")] = np.nan
     visible = geometry.pixels("dyke").size
-    with pytest.raises(
-        MeasurementError, match=rf"materials\.dyke: all {visible} of its pixels .*\(measured\.tif\) are NaN"
-    ):
+    said = rf"materials\.dyke: all {visible} of its pixels .*\(measured\.tif\) are NaN"
+    with pytest.raises(MeasurementError, match=said):
         read(image_db)
 
 

@@ -8,7 +8,6 @@ from radcal.angles import depression_deg, incidence_deg
 from radcal.config import Radar
 from radcal.posterior.cells import area_db
 from radcal.radar.earth import heading_at_scene, heading_of_sight, line_of_sight
-from radcal.radar.lines import local_incidence_cosine
 from radcal.radar.points import FINENESS, fine_taps
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
@@ -55,26 +54,6 @@ def test_noise_adds_in_power():
         amplitudes=20.0 * np.log10(10.0 ** (law / 20.0) + 10.0 ** (noise / 20.0)),
         db_mean=0.5 * (law + noise),
         subtracted=10.0 * np.log10(np.abs(10.0 ** (law / 10.0) - 10.0 ** (noise / 10.0))),
-    )
-
-
-def test_local_incidence_is_the_angle_of_normal_and_ray():
-    along, across, look = 0.31, -0.17, np.radians(38.0)
-    ray = np.array([0.0, -np.sin(look), np.cos(look)])  # azimuth, ground range away from the track, up
-
-    def cosine(first, second):
-        normal = np.cross([1.0, 0.0, first], [0.0, 1.0, second])
-        return float(normal @ ray / np.linalg.norm(normal))
-
-    steep = cosine(along, across) * np.sqrt(1.0 + along**2 + across**2)
-    found = np.array(local_incidence_cosine(along, across, ray[1], ray[2]))
-    agrees(
-        found,
-        cosine(along, across),
-        look_side=cosine(along, -across),
-        axes=cosine(across, along),
-        unnormalised=steep,
-        flat=np.cos(look),
     )
 
 

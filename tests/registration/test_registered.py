@@ -173,9 +173,8 @@ def test_contrast_of_few_rows_is_that_beside_the_mean_of_each_row(squares):
 def test_a_start_without_contrast_is_blamed_and_not_the_image():
     blank = speckled(np.full((192, 208), -12.0, dtype=np.float32), seed=8)
     image = speckled(ground(), seed=4)[:192, :208]
-    with pytest.raises(
-        MeasurementError, match=r"simulated at the start has no contrast between materials \(the level"
-    ) as e:
+    said = r"simulated at the start has no contrast between materials \(the level"
+    with pytest.raises(MeasurementError, match=said) as e:
         register(blank, Measurement(image, "a.tif"), RegistrationConfig())
     assert "give the materials starts that differ (materials.*.start, as radcal new writes them). If" in str(e.value)
 
@@ -183,8 +182,7 @@ def test_a_start_without_contrast_is_blamed_and_not_the_image():
 def test_a_significant_correlation_is_not_called_nothing(monkeypatch):
     monkeypatch.setattr(module, "_mirrored", lambda *_: {"turned by 180 degrees.": 0.9})
     monkeypatch.setattr(module, "_FITS", 9.0)
-    with pytest.raises(
-        MeasurementError, match=r"^registration: image\.tif agrees with the simulated image \(corr"
-    ) as e:
+    said = r"^registration: image\.tif agrees with the simulated image \(corr"
+    with pytest.raises(MeasurementError, match=said) as e:
         register(FIXED, measured(field(4.0)), GEFOLKI)
     assert "mirrored 0.900, expected at least 1.5 times as much): are starting or fixed laws wrong" in str(e.value)

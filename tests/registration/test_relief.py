@@ -72,9 +72,8 @@ def test_an_image_of_the_other_side_is_refused(seen):
     angle[there] = on_ground[tuple(np.rint(left.ground[:, there]).astype(int))]
     wrong = RADAR.model_copy(update={"look_side": "left"})
     found = relief_slope(image_of(left, angle, -0.2), left, wrong)
-    with pytest.raises(
-        MeasurementError, match=r"^measurement\.path: a\.tif changes by \+0\.\d\d dB \(standard error 0\.0\d\) .* with "
-    ):
+    said = r"^measurement\.path: a\.tif changes by \+0\.\d\d dB \(standard error 0\.0\d\) .* with "
+    with pytest.raises(MeasurementError, match=said):
         check_relief(found, wrong, "a.tif", 0.0)
 
 

@@ -6,7 +6,6 @@ import pytest
 from radcal.config import Case
 from radcal.errors import SceneError
 from radcal.radar.projection import make_geometry
-from radcal.scene import builtin as module
 from radcal.scene.builtin import MATERIALS, builtin_scene
 from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
@@ -31,17 +30,6 @@ def test_the_same_seed_gives_the_same_scene(seed, landscape, hashes):
     arrays = (np.round(scene.elevation_m, 3), scene.material)
     assert tuple(hashlib.sha256(one.tobytes()).hexdigest()[:16] for one in arrays) == hashes
     assert (scene.names, scene.cell_m, scene.elevation_m.shape) == (MATERIALS, 5.0, (400, 400))
-
-
-@pytest.mark.parametrize("length_m", [15.0, 40.0])
-def test_roughness_has_its_correlation_length(length_m):
-    """Gaussian correlation exp(-d^2 / L^2): 1/e at the distance L, in both directions."""
-    field = module._correlated(np.random.default_rng(3), (400, 400), length_m)
-    assert field.std() == pytest.approx(1.0)
-    apart = round(length_m / module.CELL_M)
-    # about 400^2 / (pi / 2 (L / cell)^2) independent squares: an error of 1 to 3 %
-    for one, two in ((field[apart:], field[:-apart]), (field[:, apart:], field[:, :-apart])):
-        assert np.mean(one * two) == pytest.approx(np.exp(-1.0), abs=0.06)
 
 
 def test_default_case_has_a_law_for_every_material(builtin):

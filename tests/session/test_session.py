@@ -32,9 +32,8 @@ def test_a_command_opens_the_session_of_its_case(tmp_path):
 
 def test_a_case_that_is_refused_ends_in_one_sentence(tmp_path):
     (tmp_path / "mine.yaml").write_text("stop: {rmss: 1}")
-    with pytest.raises(
-        SystemExit, match=r"^radcal: mine.yaml, line 1: unknown key stop.rmss \(did you mean 'rms'\?\).*$"
-    ):
+    said = r"^radcal: mine.yaml, line 1: unknown key stop.rmss \(did you mean 'rms'\?\).*$"
+    with pytest.raises(SystemExit, match=said):
         open_session(["mine.yaml"], {}, [], False, logging.getLogger("of snakemake"))
     assert not Path("results").exists()
 

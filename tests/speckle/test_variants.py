@@ -6,8 +6,8 @@ from scipy import stats
 from scipy.special import polygamma
 from variants import agrees
 
-from radcal.speckle.response import border_gain, impulse_response, speckle_correlation
-from radcal.speckle.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_db, texture_order
+from radcal.speckle.response import impulse_response, speckle_correlation
+from radcal.speckle.texture import equal_texture, log_speckle_cumulants, order_of_texture, texture_order
 
 K = 10.0 / np.log(10.0)
 
@@ -55,20 +55,6 @@ def test_texture_adds_to_the_variance_in_decibels():
     agrees(K * np.sqrt(polygamma(1, order)), 2.2, nepers=2.2 * K, variance=np.sqrt(2.2), amplitude=1.1)
 
 
-def test_texture_has_unit_mean_power():
-    uniform, order = np.array([0.03, 0.4, 0.77, 0.99]), 3.2
-    power = stats.gamma.ppf(uniform, order, scale=1.0 / order)
-    agrees(
-        texture_db(uniform, order),
-        10.0 * np.log10(power),
-        mean_of_order=10.0 * np.log10(power * order),
-        amplitude=20.0 * np.log10(power),
-        nepers=np.log(power),
-        mirrored=10.0 * np.log10(power[::-1]),
-        normal=stats.norm.ppf(uniform) * K * np.sqrt(polygamma(1, order)),
-    )
-
-
 @pytest.mark.parametrize(("resolution", "spacing"), [(2.0, 1.1), (3.7, 0.9)])
 def test_response_has_its_width_in_power_and_unit_energy(resolution, spacing):
     taps = impulse_response(resolution, spacing / 32.0)
@@ -102,18 +88,4 @@ def test_correlation_of_power_is_the_square_of_that_of_amplitude():
         amplitude=amplitude,
         response=(taps[taps.size // 2 :][(at * steps).astype(int)] / taps.max()) ** 2,
         fourth_power=amplitude**4,
-    )
-
-
-def test_gain_at_the_border_restores_the_power():
-    taps, n = impulse_response(2.0, 1.3), 40
-    kept = np.convolve(np.ones(n), taps**2, mode="full")[taps.size // 2 :][:n]
-    agrees(
-        border_gain(taps, n),
-        1.0 / np.sqrt(kept),
-        rtol=1e-5,
-        power=1.0 / kept,
-        none=np.ones(n),
-        loss=np.sqrt(kept),
-        amplitudes=1.0 / np.convolve(np.ones(n), taps, mode="full")[taps.size // 2 :][:n] * taps.sum(),
     )

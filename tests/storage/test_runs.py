@@ -186,9 +186,8 @@ def test_pixels_that_are_not_finite_leave_no_record(store, geometry, case, bad):
     image = np.zeros(geometry.shape, dtype=np.float32)
     image.ravel()[geometry.pixels("dyke")[:3]] = bad
     n = geometry.pixels("dyke").size
-    with pytest.raises(
-        SimulatorError, match=rf"run \w+: 3 of {n} pixels of 'dyke' .*dyke = \[6\.1, 14\.2, 21\.5, 3\.3\]"
-    ):
+    said = rf"run \w+: 3 of {n} pixels of 'dyke' .*dyke = \[6\.1, 14\.2, 21\.5, 3\.3\]"
+    with pytest.raises(SimulatorError, match=said):
         Runner(store, Broken(geometry.shape, image), geometry, "scene", case).run(X, 7)
     assert files(store) == []
 
