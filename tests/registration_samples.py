@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates
 
+from radcal.config import Radar
 from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration.displacement import invert
 from radcal.registration.registered import Registered
 
+RADAR = Radar(
+    altitude_m=4000.0, range_resolution_m=7.0, azimuth_resolution_m=9.0, range_spacing_m=4.0, azimuth_spacing_m=5.0
+)  # depression 45 degrees, incidence 45 degrees
 PLAIN = Finding("polarisation_unknown", "note", "a.tif")
 
 

@@ -10,7 +10,7 @@ from radcal.posterior.cells import area_db
 from radcal.radar.earth import heading_at_scene, heading_of_sight, line_of_sight
 from radcal.radar.points import FINENESS, fine_taps
 from radcal.radar.projection import make_geometry
-from radcal.radar.radiometry import noise_floor_db, of_sigma0, with_noise_db
+from radcal.radar.radiometry import of_sigma0, with_noise_db
 from radcal.radar.reflectivity import law_tables, reflectivity
 
 ANGLES = np.array([23.0, 37.0, 52.0])
@@ -25,21 +25,6 @@ def test_area_factor_of_each_radiometry():
         agrees(of_sigma0(name, ANGLES), secant, inverse=1.0 / secant, sine=1.0 / sine, tangent=np.tan(RAD))
     for name in ("sigma0_local", "sigma0_ref"):
         agrees(of_sigma0(name, ANGLES), one, beta0=1.0 / sine, gamma0=secant)
-
-
-def test_noise_floor_is_a_power_in_the_radiometry_of_the_image():
-    factor = 10.0 * np.log10(1.0 / np.sin(RAD))
-    table = [(20.0, -29.0), (40.0, -21.0), (50.0, -24.0)]
-    sigma0 = np.array([-29.0 + 8.0 * 3.0 / 20.0, -29.0 + 8.0 * 17.0 / 20.0, -24.0])
-    linear = 10.0 * np.log10(np.interp(ANGLES, *np.array([(a, 10.0 ** (b / 10.0)) for a, b in table]).T))
-    agrees(
-        noise_floor_db(Radar(nesz_db=table, radiometry="beta0"), ANGLES),
-        sigma0 + factor,
-        amplitude=sigma0 + 2 * factor,
-        sign=sigma0 - factor,
-        sigma0=sigma0,
-        interpolated_in_power=linear + factor,
-    )
 
 
 def test_noise_adds_in_power():

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from registration_samples import hills, registered_by
+from registration_samples import RADAR, hills, registered_by
 from scipy.ndimage import gaussian_filter
 
 from radcal.config import Radar
@@ -15,9 +15,6 @@ from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
 from radcal.registration.geometry_check import checked, depression, place, range_line, relief
 
-RADAR = Radar(
-    altitude_m=4000.0, range_resolution_m=7.0, azimuth_resolution_m=9.0, range_spacing_m=4.0, azimuth_spacing_m=5.0
-)  # depression 45 degrees, incidence 45 degrees
 FEET = 3.28084
 
 

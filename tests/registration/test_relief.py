@@ -4,16 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from registration_samples import hills
+from registration_samples import RADAR, hills
 
-from radcal.config import Radar
 from radcal.errors import MeasurementError
 from radcal.radar.projection import make_geometry
 from radcal.registration.relief import ReliefSlope, check_relief, relief_slopes
-
-RADAR = Radar(
-    altitude_m=4000.0, range_resolution_m=7.0, azimuth_resolution_m=9.0, range_spacing_m=4.0, azimuth_spacing_m=5.0
-)
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,9 @@ def test_labels_are_read(write, dtype):
     assert scene.material.dtype == np.uint8
     assert scene.names == ("grass", "id 2", "bare soil")
     assert scene.elevation_m is None
-    np.testing.assert_allclose(scene.incidence_deg[[0, -1]], [20, 50])
+    # from 20 to 50 degrees in equal steps of slant range
+    slant = np.linspace(*1.0 / np.cos(np.radians([20.0, 50.0])), 3)
+    np.testing.assert_allclose(scene.incidence_deg, np.degrees(np.arccos(1.0 / slant)), rtol=1e-6)
 
 
 def test_identity_changes_with_content_only(write, tmp_path):

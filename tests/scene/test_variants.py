@@ -1,4 +1,4 @@
-"""Wrong variants of the radius of the earth, of aspect, and of slant range."""
+"""Wrong variants of the radius of the earth, and of aspect."""
 
 import numpy as np
 from pyproj import CRS, Geod
@@ -6,7 +6,6 @@ from variants import agrees
 
 from radcal.scene.crs import earth_radius_m, transformer
 from radcal.scene.objects import Objects
-from radcal.scene.slant_range import flat_incidence_deg
 
 UTM = CRS.from_epsg(32632)
 LONGITUDE, LATITUDE = 7.3, 51.6
@@ -47,17 +46,4 @@ def test_cross_section_by_the_bearing_from_the_front():
         amplitude=[10.0 ** (at[-40.0] / 20.0)],
         not_periodic=[10.0**0.9],
         linear=[np.interp(320.0, table[:, 0], 10.0 ** (table[:, 1] / 10.0))],
-    )
-
-
-def test_rows_are_equal_steps_of_slant_range():
-    slant = np.linspace(1.0 / np.cos(np.radians(25.0)), 1.0 / np.cos(np.radians(48.0)), 7)
-    ground = np.linspace(*np.tan(np.radians([25.0, 48.0])), 7)
-    agrees(
-        flat_incidence_deg(25.0, 48.0, 7),
-        np.degrees(np.arccos(1.0 / slant)),
-        equal_angles=np.linspace(25.0, 48.0, 7),
-        ground_range=np.degrees(np.arctan(ground)),
-        depression=np.degrees(np.arcsin(1.0 / slant)),
-        backwards=np.degrees(np.arccos(1.0 / slant))[::-1],
     )
