@@ -47,8 +47,6 @@ MailProg=/bin/true
 AccountingStorageType=accounting_storage/none
 # squeue tells of finished jobs for so long
 MinJobAge=3600
-JobCompType=jobcomp/filetxt
-JobCompLoc={folder}/finished.txt
 SlurmdParameters=config_overrides
 NodeName={node} NodeHostname={host} NodeAddr=127.0.0.1 CPUs=4 RealMemory=16000 State=UNKNOWN
 PartitionName=default Nodes={node} Default=YES MaxTime=INFINITE State=UP

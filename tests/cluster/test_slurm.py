@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 from cluster.one_node import NODE, PARTITION, OneNode, missing
+from waiting import wait_until
 from workflow_project import make_project
 
 # every job costs two starts of Snakemake: as few as there may be, with two chunks and an iteration
@@ -44,19 +45,7 @@ class Main:
         return self.log.read_text(errors="replace")
 
     def until(self, condition):
-        """What the condition gives once it gives something."""
-        deadline = time.monotonic() + PATIENCE_S
-        while not (found := condition()):
-            assert self.process.poll() is None, f"ended too early:\n{self.text}"
-            assert time.monotonic() < deadline, self.text
-            time.sleep(0.1)
-        return found
-
-    def wait(self):
-        try:
-            return self.process.wait(PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            raise AssertionError(self.text) from None
+        return wait_until(condition, self.process, PATIENCE_S)
 
     def kill(self):
         if self.process.poll() is None:
@@ -112,10 +101,11 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
         main = Main(project)
         main.until(lambda: len(of_rule(cluster.jobs(), "design_chunk", "PENDING")) == 2 and chunks_are("CANCELLED"))
         cluster.call("scontrol", "update", f"nodename={NODE}", "state=resume")
-        assert main.wait() == 0, main.text
+        assert main.process.wait(PATIENCE_S) == 0
         assert "radcal: 2 jobs of an earlier snakemake cancelled" in main.text
     finally:
         main.kill()
+        sys.stdout.write(main.text)
         for job in cluster.jobs():
             sys.stdout.write(f"{ {key: value for key, value in job.items() if key != 'name'} }\n")
 
