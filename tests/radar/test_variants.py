@@ -7,7 +7,7 @@ from variants import agrees
 from radcal.angles import depression_deg, incidence_deg
 from radcal.config import Radar
 from radcal.posterior.cells import area_db
-from radcal.radar.earth import heading_at_scene, heading_of_sight, line_of_sight
+from radcal.radar.earth import heading_at_scene, heading_of_sight
 from radcal.radar.points import FINENESS, fine_taps
 from radcal.radar.projection import make_geometry
 from radcal.radar.radiometry import of_sigma0, with_noise_db
@@ -74,19 +74,6 @@ def test_angles_over_a_spherical_earth():
     agrees(depression_deg(39.0, height), 90.0 - off, rtol=1e-9, flat_earth=flat, from_nadir=off, central=39.0 - off)
     agrees(incidence_deg(90.0 - off, height), 39.0, rtol=1e-9, flat_earth=off, from_horizon=51.0)
     assert np.isnan(incidence_deg(20.0, height))  # the line of sight does not meet the earth
-    slant = EARTH_M * np.sin(angle - nadir) / np.sin(nadir)
-    radar = Radar(earth="curved", altitude_m=height, incidence_deg=39.0, nesz_db=-22.0)
-    sight = line_of_sight(radar, EARTH_M)
-    agrees(
-        [sight.height_m, sight.ground_m],
-        [slant * np.cos(angle), slant * np.sin(angle)],
-        rtol=1e-9,
-        exchanged=[slant * np.sin(angle), slant * np.cos(angle)],
-        flat_earth=[height, height * np.tan(angle)],
-        from_nadir=[slant * np.cos(nadir), slant * np.sin(nadir)],
-    )
-    agrees(sight.slant_range_m(39.0), slant, rtol=1e-9, flat_earth=height / np.cos(angle), nadir=height / np.cos(nadir))
-    agrees(sight.flat_incidence_deg(slant), 39.0, flat_earth=np.degrees(np.arccos(height / slant)), nadir=off)
 
 
 @pytest.mark.parametrize(("side", "turn"), [("right", 90.0), ("left", -90.0)])

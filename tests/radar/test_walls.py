@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from geometry_samples import objects_of
 
 from radcal.config import Radar
 from radcal.findings import Finding
 from radcal.ground.one_incidence import bounces_on, bounces_outside
 from radcal.radar.projection import make_geometry
 from radcal.scene.model import Scene
-from radcal.scene.objects import Objects, Walls
+from radcal.scene.objects import Walls
 
 ALTITUDE = 500.0
 NX, NY = 160, 60  # cells of 1 m
@@ -21,14 +22,13 @@ RADAR = Radar(
 )  # fmt: skip
 
 
-def boxes(wall_db=-5.0, bounce=True, permittivity=None, **columns):
+def boxes(bounce=True, permittivity=None, **columns):
     columns = {"x_m": NX / 2, "y_m": NY / 2, "height_m": 8.0, "rcs_dbsm": np.nan} | columns
     n = np.broadcast(*columns.values(), bounce).size
-    names = ("x_m", "y_m", "length_m", "width_m", "heading_deg", "height_m", "rcs_dbsm")
-    values = {name: np.array(np.broadcast_to(columns.get(name, 0.0), n), dtype=float) for name in names}
-    roof = np.where(np.isnan(values["rcs_dbsm"]), 0, -1).astype(np.int16)
-    walls = Walls(roof, np.where(roof < 0, np.nan, wall_db), np.broadcast_to(bounce, n).copy(), ("roof",), permittivity)
-    return Objects(**values, aspect=np.full(n, -1, np.int16), walls=walls)
+    columns["rcs_dbsm"] = np.broadcast_to(columns["rcs_dbsm"], n)
+    roof = np.where(np.isnan(columns["rcs_dbsm"]), 0, -1).astype(np.int16)
+    walls = Walls(roof, np.where(roof < 0, np.nan, -5.0), np.broadcast_to(bounce, n).copy(), ("roof",), permittivity)
+    return objects_of(walls=walls, **columns)
 
 
 def seen(radar=RADAR, cell_m=1.0, **keys):

@@ -45,16 +45,9 @@ def scene(line=60.0, pixel=50.0):
     """Level ground around what a pixel shows, at a height on the ellipsoid."""
     x, y = Transformer.from_crs("EPSG:4326", UTM, always_xy=True).transform(*place_of(line, pixel, HEIGHT_M))
     corner = 0.5 * SIDE * CELL_M
-    return Scene(
-        identity="level",
-        names=("crops",),
-        material=np.ones((SIDE, SIDE), np.uint8),
-        elevation_m=np.full((SIDE, SIDE), HEIGHT_M),
-        cell_m=CELL_M,
-        crs=UTM,
-        transform=tuple(Affine(CELL_M, 0, x - corner, 0, CELL_M, y - corner))[:6],
-        vertical_datum="WGS 84 ellipsoid",
-    )
+    crops, level = np.ones((SIDE, SIDE), np.uint8), np.full((SIDE, SIDE), HEIGHT_M)
+    place = {"crs": UTM, "transform": tuple(Affine(CELL_M, 0, x - corner, 0, CELL_M, y - corner))[:6]}
+    return Scene("level", ("crops",), crops, level, CELL_M, vertical_datum="WGS 84 ellipsoid", **place)
 
 
 def opened(safe, **keys):
