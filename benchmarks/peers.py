@@ -118,7 +118,8 @@ def _write_pest(folder: Path, unit: Doubles, n: int) -> None:
         "case.pst": _PEST.format(d=len(unit), n=n, parameters=parameters, observations=observations),
         "x.tpl": "ptf ~\n" + "".join(f"~ x{k} {'~':>22}\n" for k in range(len(unit))),
         "found.ins": "pif ~\n" + "".join(f"l1 !r{k}!\n" for k in range(n)),
-        "run.sh": "touch asked; until [ -e answered ]; do sleep 0.005; done; rm answered\n",
+        # ends with the folder, if a search ends within a run
+        "run.sh": "touch asked; until [ -e answered ]; do [ -e x.tpl ] || exit; sleep 0.005; done; rm answered\n",
     }
     for name, text in texts.items():
         (folder / name).write_text(text)
