@@ -5,7 +5,7 @@ import pytest
 from geometry_samples import objects_of
 
 from radcal.config import Radar
-from radcal.radar.footprints import Boxes, raise_boxes, to_boxes_and_spots
+from radcal.radar.footprints import raise_boxes, to_boxes_and_spots
 from radcal.radar.geometry import PointScatterers
 from radcal.radar.points import not_pure
 from radcal.radar.projection import make_geometry
@@ -69,25 +69,6 @@ def test_footprint_covers_its_rectangle(look_side, heading):
     along = (east - 50.2) * np.sin(turn) + (north - 33.7) * np.cos(turn)
     beside = (east - 50.2) * np.cos(turn) - (north - 33.7) * np.sin(turn)
     np.testing.assert_array_equal(found, (np.abs(along) <= 15.0) & (np.abs(beside) <= 4.0))
-
-
-@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
-def test_the_higher_of_two_overlapping_boxes_is_seen(order):
-    pick = list(order)
-    boxes = Boxes(
-        place=np.array([[6.0, 8.0], [6.0, 11.0]])[pick], axis=np.array([[1.0, 0.0]] * 2),
-        half=np.array([[4.0, 3.0], [2.0, 3.0]])[pick], reach=np.array([[4.0, 3.0], [2.0, 3.0]])[pick],
-        top_m=np.array([5.0, 7.0])[pick], rcs_m2=np.ones(2), extent=np.zeros(2), number=np.arange(2),
-        roof=np.zeros(2, np.uint8),
-        wall_sigma0=np.zeros(2), bounce=np.zeros(2, bool),
-    )  # fmt: skip
-    _, roof_m = raise_boxes(boxes, np.zeros((12, 20)), 0)
-    expected = np.zeros((12, 20))
-    expected[2:10, 5:11] = 5.0
-    expected[4:8, 8:14] = 7.0
-    np.testing.assert_array_equal(roof_m, expected)
-    # a block of lines in the middle of the boxes has the same roofs
-    np.testing.assert_array_equal(raise_boxes(boxes, np.zeros((5, 20)), 5)[1], expected[5:10])
 
 
 def test_pixels_of_a_points_main_lobe_are_of_no_material():

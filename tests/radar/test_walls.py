@@ -178,7 +178,6 @@ def rays(columns, shape, spacing=0.04):
     for line in range(LINES * count):
         column, middle = line // LINES, (line + 0.5) / LINES
         top, owner = np.zeros(x.size), np.full(x.size, -1)
-        spans = []
         for i, (cx, cy, length, width, heading, height) in enumerate(zip(*columns, strict=True)):
             turn = np.radians(heading)
             east, north = x - cx, middle - cy
@@ -187,7 +186,6 @@ def rays(columns, shape, spacing=0.04):
             )
             top[inside & (height > top)] = height
             owner[inside & (top == height)] = i
-            spans.append((inside, height))
         away, down = ALTITUDE - NX / 2 + x, ALTITUDE - top
         before = np.maximum.accumulate(np.concatenate([[0.0], (away / down)[:-1]]))
         visible = away / down >= before

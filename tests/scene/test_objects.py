@@ -219,6 +219,8 @@ def test_wrong_files(tmp_path):
     for name, content, says in [
         ("a.csv", "", "cannot be read as CSV"),
         ("b.csv", "x_m,y_m,height_m,rcs_dbsm\n", "has no rows"),
+        ("c.csv", "x_m,y_m,height_m,rcs_dbsm, x_m\n1,2,3,4,5\n", "has the column 'x_m' twice, expected once"),
+        ("j.csv", "x_m,y_m,height_m,rcs_dbsm\n1,2,3,4,5\n1,2,3,4\n", "row 1 has more fields than the 4 columns of the"),
         ("d.h5", "no HDF5", "cannot be read as HDF5"),
         ("e.gpkg", "<OGRVRTDataSource></OGRVRTDataSource>", "does not begin as one of GPKG"),
         ("f.gpkg", "SQLite format 3\0 and nothing more", "cannot be read as a vector file"),
@@ -235,18 +237,6 @@ def test_wrong_files(tmp_path):
     assert "aspect/car has a cross-section of 1e+06" in refused(wrong)
     with pytest.raises(SceneError, match=r"scene\.objects\.aspect\.car: .* has a class of that name, too"):
         read_objects(hdf5(tmp_path, curves={"car": CURVE}), LOCAL, curves={"car": CURVE})
-
-
-@pytest.mark.parametrize(
-    ("rows", "says"),
-    [
-        (["x_m,y_m,height_m,rcs_dbsm, x_m", "1,2,3,4,5"], "has the column 'x_m' twice, expected once"),
-        (["x_m,y_m,height_m,rcs_dbsm", "1,2,3,4,5", "1,2,3,4"], "row 1 has more fields than the 4 columns of the"),
-    ],
-)
-def test_columns_twice_and_fields_too_many(tmp_path, rows, says):
-    (tmp_path / "a.csv").write_text("\n".join(rows) + "\n")
-    assert says in refused(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("ending", ["shp", "geojson"])

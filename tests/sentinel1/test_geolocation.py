@@ -55,14 +55,6 @@ def test_positions_do_not_depend_on_where_the_search_begins(annotation):
         np.testing.assert_allclose(found, [line, pixel], atol=0.01)
 
 
-def test_a_height_displaces_towards_near_range(annotation):
-    place = np.array(place_of(60.0, 50.0))[:, None]
-    angle = annotation.ground.look(*place, np.zeros(1)).incidence_deg[0]
-    _, pixel = annotation.ground.positions(*place, np.array([100.0]))
-    slant_m = (50.0 - pixel[0]) * 10.0 / 1.6
-    assert slant_m == pytest.approx(100.0 * np.cos(np.radians(angle)), rel=1e-3)
-
-
 def test_places_outside_have_no_position(annotation):
     inside = np.array(place_of(60.0, 50.0))
     far = inside[:, None] + np.array([[0.0, 1.0, 0.0, 90.0], [0.0, 0.0, 0.1, 0.0]])

@@ -1,13 +1,8 @@
 """Stop settings never touch finished runs; tightening them continues, loosening them goes back."""
 
-import pytest
 
-
-@pytest.fixture
-def history(finished):
-    """What stood before a change, as a callable that runs with new stop settings."""
-
-    def run(**stop):
+def test_stop_settings_in_turn(finished):
+    def history(**stop):
         before = finished.records()
         finished.write(stop=stop)
         finished.ended("--configfile", "tiny.yaml")
@@ -15,10 +10,6 @@ def history(finished):
         assert {name: after[name] for name in before} == before, "a finished run was touched"
         return finished.summary(), len(after) - len(before)
 
-    return run
-
-
-def test_stop_settings_in_turn(history, finished):
     first = finished.summary()
     reached = first["materials"]["field"]["rms"]
 
