@@ -7,13 +7,15 @@ import pytest
 from registration_samples import RADAR, hills, registered_by
 from scipy.ndimage import gaussian_filter
 
-from radcal.config import Radar
+from radcal.config import Radar, RegistrationConfig
 from radcal.errors import MeasurementError
 from radcal.findings import Finding
+from radcal.image.model import Measurement
 from radcal.measurement.synthetic import smooth_warp
 from radcal.radar.projection import make_geometry
 from radcal.registration.displacement import warp
 from radcal.registration.geometry_check import checked, depression, place, range_line, relief
+from radcal.registration.registered import register
 
 FEET = 3.28084
 
@@ -110,6 +112,16 @@ def test_without_a_registration_geometry_is_unchecked(seen):
     alone = replace(by_line(seen, 0.0), applied=False, method="none")
     numbers = {"key": "radar.depression_deg", "declared_deg": 45.0}
     assert depression(alone, seen, RADAR) == [Finding("geometry_unchecked", "note", "a.tif", numbers)]
+
+
+def test_the_registration_of_an_image_from_another_depression_shows_it(seen):
+    """An image that lies as if it was flown at 47 degrees, where the radar has 45."""
+    line = by_line(seen, np.cos(np.radians(47.0)) / np.cos(np.radians(45.0)) - 1.0).displacement_px
+    simulated, flown = (image_of(seen, seen.incidence_deg, -0.22, seed) for seed in (2, 3))
+    image = Measurement(warp(flown, -line.astype(np.float64)), "a.tif")
+    found = checked(register(simulated, image, RegistrationConfig()), simulated, seen, RADAR, 0.0).findings
+    assert [(one.code, one.severity) for one in found] == [("depression", "warning")]
+    assert found[0].numbers["implied_deg"] == pytest.approx(47.0, abs=0.3)
 
 
 def test_heights_in_feet_are_refused(seen):

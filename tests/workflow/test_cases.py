@@ -86,7 +86,10 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
         "stop": {"rms": 3e-3, "max_runs": 16}, "measurement": {"synthetic": hidden},
     }  # fmt: skip
     project.write("gis.yaml", scene=scene | {"vertical_datum": "EGM2008"}, **changes)
-    project.ended("--configfile", "gis.yaml")
+    lines = project.ended("--configfile", "gis.yaml").splitlines()
+    # what is found of the geometry is said before the design
+    (told,) = (k for k, line in enumerate(lines) if "was not registered" in line)
+    assert told < next(k for k, line in enumerate(lines) if "target of field" in line)
     summary = project.summary("gis")
     assert summary["levels"]["normalisation"] == "offset"
     assert summary["levels"]["offset_db"] == pytest.approx(3.0, abs=0.3)
