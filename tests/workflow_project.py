@@ -18,6 +18,31 @@ ROOT = Path(__file__).resolve().parents[1]
 ROWS, COLUMNS = 96, 80
 
 
+# a program in Python, which gets its input as JSON and leaves raw numbers in dB
+PROGRAM = """
+import array, json, os, random, sys, time
+run = json.load(open(sys.argv[1]))
+a, seed = run["parameters"]["field"]["a"], run["noise_seed"]
+time.sleep({seconds})
+fault, where = open(os.environ["FAULT"]).read().split() if os.path.exists(os.environ["FAULT"]) else ("", "")
+if fault == "exit" and where == repr(a):
+    sys.exit("the licence server does not answer")
+rows, columns = run["shape"]
+if "{mode}" == "random":
+    # other numbers whenever parameters come again, though the same in every run of this test
+    seen = os.environ["FAULT"] + repr(a)
+    seed = repr((seen.rpartition("/")[2], os.path.exists(seen)))
+    open(seen, "w").close()
+draw = random.Random(seed)
+values = [a + draw.gauss(0, 2) for _ in range(rows * columns)]
+if fault == "nan" and where == repr(a):
+    values[::2] = [float("nan")] * len(values[::2])
+array.array("d", values).tofile(open("image.raw", "wb"))
+with open(os.environ["FAULT"] + ".done", "a") as log:
+    log.write(repr((a, seed)) + "\\n")
+"""
+
+
 def sentences(text):
     """What radcal itself says in the output of a command that fails, without the remark on what is kept."""
     return [line for line in text.splitlines() if line.startswith("radcal: ") and "stopped." not in line]
@@ -72,19 +97,25 @@ class Project:
         (self.folder / name).write_text(yaml.safe_dump(tiny_case(**changes)))
         return name
 
-    def write_external(self, script, environment, materials, simulator=None, **changes):
-        """The tiny case with a program in Python, which gets its input as JSON and leaves raw numbers in dB."""
-        (self.folder / "sim.py").write_text(script)
+    def write_external(self, mode="", seconds=0.0, simulator=None, **changes):
+        """The tiny case with a program of these seconds a run, which fails where the file ``fault`` says so.
+
+        The file ``fault.done`` has a line for each run that it has made.
+        """
+        (self.folder / "sim.py").write_text(PROGRAM.format(mode=mode, seconds=seconds))
         program = {
             "kind": "command",
             "command": ["{python}", "-S", "-E", "sim.py", "{input}"],
             "input": {},
             "files": ["sim.py"],
             "output": {"file": "image.raw", "format": "raw", "dtype": "float64", "scale": "db"},
-            "environment": environment,
+            # outside of what a run is known by: mending it makes no other simulator
+            "environment": {"FAULT": str(self.folder / "fault")},
         }
-        case = tiny_case(simulator=program | (simulator or {}), **changes)
-        case["materials"] = materials | {"lake": {"law": "external"}}
+        hidden = {"synthetic": {"parameters": {"field": [-12.0]}}}
+        case = tiny_case(simulator=program | (simulator or {}), measurement=hidden, stop={"rms": 2e-2}, **changes)
+        law = {"law": "external", "names": ["a"], "bounds": [[-20, 0]], "start": [-15]}
+        case["materials"] = {"field": {"calibrate": True, **law}, "lake": {"law": "external"}}
         (self.folder / "tiny.yaml").write_text(yaml.safe_dump(case))
 
     def command(self, *arguments, cores=2):

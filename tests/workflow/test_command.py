@@ -96,41 +96,6 @@ def test_the_example_in_python_with_parameters_of_its_own(project):
     assert given["parameters"]["soil"] == soil["parameters"]
 
 
-FLAWED = """
-import array, json, os, random, sys
-run = json.load(open(sys.argv[1]))
-a, seed = run["parameters"]["field"]["a"], run["noise_seed"]
-fault, where = open(os.environ["FAULT"]).read().split() if os.path.exists(os.environ["FAULT"]) else ("", "")
-if fault == "exit" and where == repr(a):
-    sys.exit("the licence server does not answer")
-rows, columns = run["shape"]
-if "{mode}" == "random":
-    # other numbers whenever parameters come again, though the same in every run of this test
-    seen = os.environ["FAULT"] + repr(a)
-    seed = repr((seen.rpartition("/")[2], os.path.exists(seen)))
-    open(seen, "w").close()
-draw = random.Random(seed)
-values = [a + draw.gauss(0, 2) for _ in range(rows * columns)]
-if fault == "nan" and where == repr(a):
-    values[::2] = [float("nan")] * len(values[::2])
-array.array("d", values).tofile(open("image.raw", "wb"))
-with open(os.environ["FAULT"] + ".done", "a") as log:
-    log.write(repr((a, seed)) + "\\n")
-"""
-
-
-def flawed(project, mode):
-    project.write_external(
-        FLAWED.format(mode=mode),
-        # outside of what a run is known by: mending it makes no other simulator
-        {"FAULT": str(project.folder / "fault")},
-        {"field": {"calibrate": True, "law": "external", "names": ["a"], "bounds": [[-20, 0]], "start": [-15]}},
-        measurement={"synthetic": {"parameters": {"field": [-12.0]}}},
-        design={"size": 6, "chunk": 3},
-        stop={"rms": 2e-2},
-    )
-
-
 # a program that ends with an error, and one whose image is refused (tests/programs has the other ways to fail)
 FAULTS = {
     "exit": ["ended with exit code 1", '"the licence server does not answer"'],
@@ -139,7 +104,7 @@ FAULTS = {
 
 
 def test_every_failure_in_the_middle_ends_in_its_sentence_and_keeps_all_finished_runs(project):
-    flawed(project, "")
+    project.write_external(design={"size": 6, "chunk": 3})
     case = load([project.folder / "tiny.yaml"])
     # the second run of the second chunk
     bad = design_points(case, case.design_size)[4]["field"][0]
@@ -186,7 +151,7 @@ def folders(project):
 
 
 def test_a_simulator_that_is_not_deterministic_is_found_out_and_smoothed_over(project):
-    flawed(project, "random")
+    project.write_external("random", design={"size": 6, "chunk": 3})
     printed = project.ended("--configfile", "tiny.yaml", "--config", 'stop={"rms": 1e-9, "max_runs": 7}')
     assert "The simulator is not deterministic: the reference run repeated" in printed
     summary = project.summary()
