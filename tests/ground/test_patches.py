@@ -11,14 +11,11 @@ def covariance(patch, sampling, spread):
     return np.diag(sampling + spread.within**2) + spread.between**2 * (patch[:, None] == patch)
 
 
-@pytest.fixture
-def example():
-    rng = np.random.default_rng(5)
-    patch = np.array([4, 4, 4, 7, 7, 9])
-    return Residuals(rng.normal(size=6), rng.uniform(0.01, 0.3, 6), patch, rng.normal(size=(6, 2)), np.diag([0.5, 2.0]))
+def test_restricted_likelihood_is_the_marginal_one():
+    rng, patch = np.random.default_rng(5), np.array([4, 4, 4, 7, 7, 9])
+    information, sampling = np.diag([0.5, 2.0]), rng.uniform(0.01, 0.3, 6)
+    example = Residuals(rng.normal(size=6), sampling, patch, rng.normal(size=(6, 2)), information)
 
-
-def test_restricted_likelihood_is_the_marginal_one(example):
     # the law's parameters, normal about 0 with the inverse of the information, are one more random effect
     def dense(between, within):
         c = covariance(example.patch, example.sampling, Spread(between, within))

@@ -21,14 +21,10 @@ FEET = 3.28084
 
 
 @pytest.fixture(scope="module")
-def fields():
-    """Fields of two materials, in no order."""
+def seen(build_scene):
+    """Fields of two materials, in no order, on hills."""
     blobs = gaussian_filter(np.random.default_rng(8).standard_normal((220, 220)), 14, mode="wrap")
-    return np.where(blobs > 0.0, 1, 2).astype(np.uint8)
-
-
-@pytest.fixture(scope="module")
-def seen(build_scene, fields):
+    fields = np.where(blobs > 0.0, 1, 2).astype(np.uint8)
     rough = hills((220, 220), 4.0)  # in feet such slopes are still free of layover
     scene = build_scene(lambda *_: rough * FEET, cells=(220, 220), names=("dyke", "grass"), material=fields)
     return make_geometry(scene, RADAR)

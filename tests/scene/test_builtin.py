@@ -11,11 +11,6 @@ from radcal.scene.model import Scene
 from radcal.scene.sources import make_scene
 
 
-@pytest.fixture(scope="module")
-def builtin():
-    return builtin_scene(1)
-
-
 @pytest.mark.parametrize(
     ("seed", "landscape", "hashes"),
     [
@@ -32,19 +27,14 @@ def test_the_same_seed_gives_the_same_scene(seed, landscape, hashes):
     assert (scene.names, scene.cell_m, scene.elevation_m.shape) == (MATERIALS, 5.0, (400, 400))
 
 
-def test_default_case_has_a_law_for_every_material(builtin):
+def test_default_case_has_a_law_for_every_material():
     made = make_scene(Case().scene, list(Case().materials))
-    assert made.identity == builtin_scene(1, "enclosed").identity != builtin.identity
-
-
-@pytest.fixture(scope="module")
-def enclosed():
-    return builtin_scene(1, "enclosed")
+    assert made.identity == builtin_scene(1, "enclosed").identity != builtin_scene(1).identity
 
 
 @pytest.mark.slow
-def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow(enclosed):
-    geometry = make_geometry(enclosed, Case().radar)
+def test_the_default_dyke_is_seen_over_25_degrees_beside_layover_and_shadow():
+    geometry = make_geometry(builtin_scene(1, "enclosed"), Case().radar)
     pixels = geometry.pixels("dyke", 1)
     assert pixels.size > 5000
     low, high = np.percentile(geometry.incidence_deg.ravel()[pixels], [5, 95])
