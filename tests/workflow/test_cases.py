@@ -94,6 +94,7 @@ def test_a_scene_from_gis_rasters_to_the_report(project):
     assert summary["levels"]["normalisation"] == "offset"
     assert summary["levels"]["offset_db"] == pytest.approx(3.0, abs=0.3)
     assert "lake" in summary["levels"]["sentence"]
+    assert summary["levels"]["sentence"][:40] in (project.out("gis") / "report.html").read_text()
     assert summary["looks"]["simulated"] == 3.6
     with rasterio.open(project.out("gis") / "export" / "measured.tif") as raster:
         east_m, north_m = raster.lnglat()
