@@ -79,3 +79,26 @@ def outside(materials, **sections):
 
 
 WHOLE = {"bounds": [[0.5, 9], [1, 12]], "integer": ["n"]}
+
+TWO_PASSES = {
+    "radar": [{"depression_deg": 45}, {"depression_deg": 30, "polarisation": "VV"}],
+    "measurement": [{}, {"synthetic": {"seed": 5}}],
+}
+
+HYP3 = "S1A_IW_20180128T161201_DVP_RTC30_G_gdunem_FD6A_VV.tif"
+FORMULA = {"law": "formula", "formula": "a + b*cos(phi)", "names": ["a", "b"]}
+
+
+def product(radar=None, path=HYP3, **measurement):
+    """A case of a product whose name says how its numbers are read."""
+    return {
+        "measurement": {"source": "file", "path": path, **measurement},
+        "radar": {"polarisation": "VV", "radiometry": "gamma0_rtc", **(radar or {})},
+    }
+
+
+def external(parameters):
+    """A case of a law that only the simulator knows."""
+    names, bounds = [f"p{k}" for k in range(parameters)], [[0, 1]] * parameters
+    soil = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, "start": [0.5] * parameters}
+    return {"simulator": COMMAND, "materials": {"soil": soil}, "measurement": NO_TRUTH}
