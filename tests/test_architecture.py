@@ -134,22 +134,15 @@ def test_a_folder_has_at_most_twelve_modules():
     assert [path.name for path, count in counts.items() if count > 12] == []
 
 
-FINE = {"page/html.py": "from radcal.scene.model import Scene", "scene/model.py": "import numpy"}
 LATE = {"scene/model.py": "import radcal.records", "records.py": "def f():\n    from radcal.scene import model"}
-TYPES = {
-    "seeds.py": "if TYPE_CHECKING:\n    from radcal.config.case import Case",
-    "config/base.py": "from radcal.seeds import derived_rng", "config/case.py": "",
-}  # fmt: skip
 BACK = {"radar/image.py": "try:\n    from radcal import results\nexcept ImportError: ...", "results/__init__.py": ""}
 
 
 @pytest.mark.parametrize(
     ("written", "sentences"),
     [
-        (FINE, []),
         (LATE, ["circle of modules: records -> scene.model -> records",
                 "circle of rooms: records -> scene -> records"]),
-        (TYPES, ["circle of rooms: config -> seeds -> config"]),
         (BACK, ["against the flow: radar.image (geometry and image formation) imports results (report)"]),
     ],
 )  # fmt: skip

@@ -1,5 +1,7 @@
 """Largest number of runs, and their time."""
 
+from config_samples import COMMAND
+
 from radcal.config import case_from
 from radcal.forecast.runs_and_time import (
     duration,
@@ -11,22 +13,15 @@ from radcal.forecast.runs_and_time import (
 )
 from radcal.storage.records import write_hdf5
 
-EXTERNAL = {
-    "kind": "command",
-    "command": ["./sim", "{input}"],
-    "input": {"format": "json"},
-    "output": {"file": "a.npy", "scale": "db"},
-}
-
 
 def test_the_largest_number_of_runs_is_that_of_all_passes(build_case):
     case = build_case(design={"size": 5}, stop={"max_runs": 40})
     assert largest_runs(case) == {"reference": 1, "registration": 1, "design": 5, "infill": 35, "final": 2}
     case = build_case(design={"size": 5}, stop={"max_runs": 40}, registration={"rounds": 1})
     assert largest_runs(case) == {"reference": 1, "registration": 0, "design": 5, "infill": 35, "final": 2}
-    external = build_case(design={"size": 5}, stop={"max_runs": 40}, simulator=EXTERNAL)
+    external = build_case(design={"size": 5}, stop={"max_runs": 40}, simulator=COMMAND)
     assert largest_runs(external)["reference"] == 2, "repeated, to find out whether it can be"
-    declared = build_case(simulator={**EXTERNAL, "deterministic": True})
+    declared = build_case(simulator={**COMMAND, "deterministic": True})
     assert largest_runs(declared)["reference"] == 1
     file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
     passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [file, file]}

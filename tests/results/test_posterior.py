@@ -1,6 +1,5 @@
 """What is known of a law, in archive, summary, terminal and figure."""
 
-import json
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,6 @@ from archives import changed_findings, changed_material, determined, posterior, 
 
 from radcal.figures.law_figures import law
 from radcal.findings import Finding
-from radcal.posterior.quantiles import without_cells
 from radcal.results.archive import read_archive
 from radcal.results.law_notes import found_words
 from radcal.results.summary import sentences, summarise
@@ -35,7 +33,7 @@ def test_the_summary_holds_curve_intervals_and_where_the_law_is_determined(made,
     nowhere = changed_material(archive, "dyke", posterior=posterior(known_between_deg=None))
     assert summarise(nowhere)["materials"]["dyke"]["identified"] is False
     found = summarise(changed_material(archive, "dyke", posterior=without_curve()))["materials"]["dyke"]
-    assert [found[key] for key in ("known_between_deg", "sigma0_curve", "identified", "fits")] == [None] * 4
+    assert [found[key] for key in ("known_between_deg", "sigma0_curve", "identified", "fits", "misfit")] == [None] * 5
 
 
 def test_a_refuted_law_does_not_fit(made):
@@ -123,18 +121,3 @@ def test_parameters_are_told_with_their_intervals(build_archive, tmp_path):
     assert f"dyke: {words}." in sentences(external)
     at_bound = found_words({"a": 1.0, "b": 0.0}, [[0, 1], [0, 4]], {"a": 0.8, "b": 0.1}, {"a": 0.99, "b": 2.0})
     assert at_bound == "a 1 (at its upper bound; 5 to 95 %: 0.8 to 0.99), b 0 (at its lower bound; 5 to 95 %: 0.1 to 2)"
-
-
-def test_a_material_without_cells_is_in_archive_and_summary(made, tmp_path):
-    nothing = without_cells([[0.0, 50.0]] * 4, [(21.0, 44.0)])
-    changed = changed_findings(
-        changed_material(made.archive, "dyke", posterior=nothing), Finding("without_cells", "warning", "dyke")
-    )
-    changed.write(tmp_path / "calibration.h5")
-    archive = read_archive(tmp_path / "calibration.h5")
-    summary = summarise(archive)
-    found = summary["materials"]["dyke"]
-    assert found["posterior"]["cells"] == 0
-    assert [found[key] for key in ("identified", "known_between_deg", "sigma0_curve", "fits", "misfit")] == [None] * 5
-    assert list(found["parameters_p95"].values()) == [47.5] * 4
-    json.dumps(summary, allow_nan=False)
