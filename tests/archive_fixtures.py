@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from archives import image, posterior, without_curve
+from calibration_samples import make_score, make_target
 from geometry_samples import of_pixels
 
 from radcal import skewnormal
@@ -16,14 +17,14 @@ from radcal.config.stages import STAGES
 from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
 from radcal.inference.moments import from_dp
-from radcal.objectives.history import History, PassScore, Proposal, Run, Score
+from radcal.objectives.history import History, PassScore, Proposal, Run
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
 from radcal.results.archive import read_archive
 from radcal.results.results import archive_of
 from radcal.scene.model import Scene
 from radcal.storage.runs import Record, RunStore
-from radcal.targets.target import Target, Targets
+from radcal.targets.target import Targets
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
 # the density's xi is this far from the target's in successive runs, per material
@@ -132,24 +133,13 @@ def make_archive(
         visible = geometry.pixels(name)
         eligible = visible[np.isfinite(measured.ravel()[visible])]
         drawn = np.sort(rng.choice(eligible, size=min(120, eligible.size), replace=False))
-        fit = skewnormal.fit(measured.ravel()[drawn])
-        each[name] = Target(
-            pixels=drawn,
-            order=np.searchsorted(visible, drawn),
-            values_db=measured.ravel()[drawn],
-            incidence_deg=incidence.ravel()[drawn],
-            dp=fit.dp,
-            eligible=int(eligible.size),
-            at_boundary=name == "stem beans",
-            effective=100.0,
-            rms_sampling=0.004,
-            cp_error=np.array([0.2, 0.1, 0.15]) * (1.0 if name != "stem beans" else np.nan),
-            looks=1.2 if name == "stem beans" else 3.0,
-            left_out={"near other ground": 12, "without data": 3},
-            patch=np.zeros(drawn.size, dtype=np.int64),
-            block=np.zeros(drawn.size, dtype=np.int64),
-            goodness=Goodness(0.04, 0.01 if name == "stem beans" else 0.3),
-        )
+        beans = name == "stem beans"
+        each[name] = make_target(
+            measured.ravel()[drawn], incidence.ravel()[drawn], pixels=drawn, order=np.searchsorted(visible, drawn),
+            eligible=int(eligible.size), at_boundary=beans, effective=100.0, rms_sampling=0.004,
+            cp_error=np.array([0.2, 0.1, 0.15]) * (np.nan if beans else 1.0), looks=1.2 if beans else 3.0,
+            left_out={"near other ground": 12, "without data": 3}, goodness=Goodness(0.04, 0.01 if beans else 0.3),
+        )  # fmt: skip
     targets = Targets(each, looks=3.1)
 
     def record(key):
@@ -175,14 +165,11 @@ def make_archive(
             for name, target in targets.items():
                 start = [-12.0] if name in other_start else [10.0, 10.0, 10.0, 10.0]
                 rms = skewnormal.density_rms(dp[name], target.dp)
-                scores[name] = Score(
-                    parameters=start if kind == "reference" else [50.0, *rng.uniform(1, 49, 3).tolist()],
-                    densities=[PassScore(dp[name], rms)],
-                    statistics=from_dp(dp[name])[None].tolist(),
-                    looks=float(case.radar.looks),
-                    cost=rms,
+                scores[name] = make_score(
+                    rms, start if kind == "reference" else [50.0, *rng.uniform(1, 49, 3).tolist()],
+                    densities=[PassScore(dp[name], rms)], statistics=from_dp(dp[name])[None].tolist(),
                     own_law=kind != "reference" or name not in other_start,
-                )
+                )  # fmt: skip
             key = f"{kind}{index:04d}"
             runs.append(Run(kind, index, [key], seconds=0.1 + 0.2 * index, scores=scores, proposals=proposals))
     history = History(runs)

@@ -57,7 +57,8 @@ def make_material(target, box, law=None, integer=None, looks=4.0, **changes):
 def make_score(cost, x=(0.0,), rms=None, **changes):
     """Score of a run whose density has mean 0, variance nearly 1."""
     density = PassScore([0.0, 1.0, 0.1], cost if rms is None else rms)
-    return Score(list(x), [density], cost=cost, **{"statistics": [[0.0, 0.0, 0.0]], "looks": 4.0, **changes})
+    keys = {"densities": [density], "statistics": [[0.0, 0.0, 0.0]], "looks": 4.0, **changes}
+    return Score(list(x), cost=cost, **keys)
 
 
 def make_run(kind, index, cost, proposals=None, **scored):

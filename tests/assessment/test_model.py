@@ -46,7 +46,7 @@ def test_cells_of_several_passes():
 
 
 def case_of(normalisation="none", declared=("sigma0_local",), **changes):
-    laws = {"water": LINE, "wood": LINE, "program": law_for("external", names=["mv"])}
+    laws = {"water": LINE, "wood": LINE, "program": law_for("external", names=["mv"]), "dyke": LINE}
     return SimpleNamespace(
         reference_materials=["water", "wood"],
         materials={name: SimpleNamespace(start_parameters=LINE_X.tolist()) for name in laws},
@@ -171,13 +171,7 @@ def known_case(passes=1):
     angles = np.linspace(28.0, 46.0, 60).astype(np.float32)
     one = SimpleNamespace(incidence_deg=angles, classes=None, level_only=False)
     targets = [Targets({"dyke": one})] * passes
-    case = SimpleNamespace(
-        passes=[SimpleNamespace(laws={"dyke": LINE})] * passes,
-        target=SimpleNamespace(normalisation="none"),
-        uncertainty=BRIEF,
-        validation=None,
-        seed=5,
-    )
+    case = case_of(declared=("sigma0_ref",) * passes, validation=None)
     history = SimpleNamespace(best=lambda name: score)
     return SimpleNamespace(case=case, targets=targets, objective=objective, history=history, best=best)
 
