@@ -34,13 +34,11 @@ class Page(HTMLParser):
         super().__init__()
         self.open = []
         self.addresses = []
-        self.tags = []
         self.images = []
         self.words = []
         self.feed(text)
 
     def handle_starttag(self, tag, attrs):
-        self.tags.append(tag)
         if tag not in VOID:
             self.open.append(tag)
         found = dict(attrs)
