@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from archives import image, posterior, without_curve
 from calibration_samples import make_score, make_target
+from config_samples import COMMAND
 from geometry_samples import of_pixels
 
 from radcal import skewnormal
@@ -79,10 +80,13 @@ def make_archive(
     omega=3.0,
     nan=False,
     moved=False,
-    external=(),
+    external=False,
     other_start=(),
 ):
-    """Write an archive: every material a stripe, all numbers made up but consistent."""
+    """Write an archive: every material a stripe, all numbers made up but consistent.
+
+    ``external``: the laws of the dyke and of the fixed material are the simulator's alone.
+    """
     shifts = SHIFTS if shifts is None else shifts
     floors = {"stem beans": [None, 0.05]} if floors is None else floors
     names = [*shifts, "unused"]
@@ -93,16 +97,13 @@ def make_archive(
     }
     for name in other_start:
         materials[name]["start"] = {"law": "constant_gamma", "parameters": [-12.0]}
-    for name in external:
-        if name == "unused":
-            materials[name] = {"law": "external"}
-        else:
-            materials[name] |= {"law": "external", "names": ["mv", "s", "l", "t"], "bounds": [[0, 50]] * 4}
-    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
+    if external:
+        materials["unused"] = {"law": "external"}
+        materials["dyke"] |= {"law": "external", "names": ["mv", "s", "l", "t"], "bounds": [[0, 50]] * 4}
     case = case_from(
         {
             "case": "small",
-            "simulator": command if external else {},
+            "simulator": COMMAND if external else {},
             "materials": materials,
             "objective": "density",
             "measurement": {"source": "synthetic", "synthetic": {"parameters": dict.fromkeys(other_start, HIDDEN)}},

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from assessment_samples import made_curve, made_image, made_posterior, made_radiometry
 from calibration_samples import make_run, make_target
+from config_samples import synthetic
 from geometry_samples import X, two_materials
 
 from radcal.assessment import conclusion
@@ -28,15 +29,9 @@ def parts():
     """Arguments of :func:`conclude`."""
     seen = two_materials()
     rng = np.random.default_rng(4)
-    case = case_from(
-        {
-            "objective": "density",
-            "materials": {"area": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}},
-            "measurement": {"synthetic": {"parameters": {"area": X}}},
-            "radar": {"looks": 4},
-            "stop": {"rms": 1e-3},
-        }
-    )
+    materials = {"area": {"calibrate": True}, "rest": {"parameters": [1, 2, 3, 4]}}
+    rest = {"objective": "density", "radar": {"looks": 4}, "stop": {"rms": 1e-3}}
+    case = case_from({"materials": materials, **synthetic(parameters={"area": X}), **rest})
     visible = seen.pixels("area")
     order = np.sort(rng.choice(visible.size, 900, replace=False))
     target = make_target(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from calibration_samples import TRUTH, make_run, make_score
+from config_samples import COMMAND, measured
 
 from radcal.calibration.loop import calibrate
 from radcal.calibration.scoring import score, score_reference, with_texture
@@ -124,11 +125,7 @@ def test_texture_lowers_looks_and_a_fresh_run_has_its_own(made):
 
 def program(build_case, **keys):
     """Case of an external program."""
-    return build_case(
-        simulator={"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}, **keys},
-        measurement={"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_local"},
-        materials={"dyke": {"calibrate": True}, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}},
-    )
+    return build_case(simulator=COMMAND | keys, **measured(radiometry="sigma0_local"))
 
 
 class Recorded:

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from config_samples import COMMAND, measured
 
 from radcal.checking.outlook import bright_laws, hidden_ground, high_noise, outlook
 from radcal.radar.projection import make_geometry
@@ -36,19 +37,18 @@ def of_level(case):
 
 
 def test_the_error_of_the_level_is_told_where_no_level_is_removed(build_case):
-    file = {"source": "file", "path": "a.tif", "scale": "db", "radiometry": "sigma0_local"}
     materials = {"dyke": {"calibrate": True, "start": LEVEL}, "grass": {"parameters": LEVEL}}
-    keys = {"measurement": file, "materials": materials, "objective": "density", "registration": {"method": "none"}}
+    keys = {"materials": materials, "objective": "density", "registration": {"method": "none"}}
+    keys |= measured(radiometry="sigma0_local")
     keys["radar"] = {"heading_deg": 0, "radiometry": "sigma0_local"}
     for normalisation, told in (("none", True), ("offset", False), ("image", False)):
         case = build_case(**keys, target={"normalisation": normalisation})
         assert of_level(case) == [pytest.approx(1.645 * 0.33, rel=1e-3)] * told
     # an external law has no sigma0 of which a band could be known
-    command = {"kind": "command", "command": ["sim"], "input": {}, "output": {"file": "i.npy", "scale": "db"}}
     law = {"calibrate": True, "law": "external", "names": ["mv"], "bounds": [[0, 1]]}
-    external = build_case(**keys | {"materials": {"dyke": law}, "simulator": command})
+    external = build_case(**keys | {"materials": {"dyke": law}, "simulator": COMMAND})
     assert of_level(external) == []
-    both = build_case(**keys | {"materials": {"dyke": law, "grass": materials["dyke"]}, "simulator": command})
+    both = build_case(**keys | {"materials": {"dyke": law, "grass": materials["dyke"]}, "simulator": COMMAND})
     assert len(of_level(both)) == 1
 
 

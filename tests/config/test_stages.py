@@ -71,14 +71,9 @@ def test_the_archive_records_all_that_jobs_depend_on():
 
 def test_what_follows_from_sections_is_that_of_the_case():
     start = {"law": "constant_gamma", "parameters": [-9.0]}
-    case = case_from(
-        {
-            "materials": {"dyke": {"calibrate": True, "start": start}, "road": {"parameters": X}},
-            **synthetic(parameters={"dyke": X}),
-            "objective": "density",
-            "design": {"size": 21},
-        }
-    )
+    materials = {"dyke": {"calibrate": True, "start": start}, "road": {"parameters": X}}
+    rest = {"objective": "density", "design": {"size": 21}}
+    case = case_from({"materials": materials, **synthetic(parameters={"dyke": X}), **rest})
     scores = STAGES["scores"].model.model_validate(STAGES["scores"].params(case))
     assert (scores.calibrated, scores.start_with_another_law) == (["dyke"], ["dyke"])
     assert (scores.laws["dyke"].names, scores.at_start.laws["dyke"].names) == (("X1", "X2", "X3", "X4"), ("gamma",))

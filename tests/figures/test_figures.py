@@ -154,7 +154,7 @@ def test_edges_of_one_material(build_archive, tmp_path):
 
 @pytest.mark.slow
 def test_only_laws_with_a_curve_are_drawn(build_archive, tmp_path):
-    case = build_archive(tmp_path, external=("dyke", "unused")).archive
+    case = build_archive(tmp_path, external=True).archive
     assert module.law(case, "dyke") is None
     assert module.law(case, "stem beans") is not None
     canvas, _, _ = module.incidence(case)

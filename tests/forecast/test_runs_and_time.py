@@ -1,6 +1,6 @@
 """Largest number of runs, and their time."""
 
-from config_samples import COMMAND
+from config_samples import COMMAND, measured
 
 from radcal.config import case_from
 from radcal.forecast.runs_and_time import (
@@ -23,8 +23,7 @@ def test_the_largest_number_of_runs_is_that_of_all_passes(build_case):
     assert largest_runs(external)["reference"] == 2, "repeated, to find out whether it can be"
     declared = build_case(simulator={**COMMAND, "deterministic": True})
     assert largest_runs(declared)["reference"] == 1
-    file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_ref"}
-    passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [file, file]}
+    passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [measured()["measurement"]] * 2}
     one = {"materials": {"field": {"calibrate": True}}, "design": {"size": 5}, "stop": {"max_runs": 40}}
     counts = largest_runs(case_from({**one, **passes}))
     assert counts == {"reference": 2, "registration": 2, "design": 10, "infill": 70, "final": 4}
@@ -53,12 +52,8 @@ def test_planned_jobs_make_at_most_so_many_runs(build_case):
 
 
 def test_planned_jobs_of_every_pass_count(build_case):
-    file = {"source": "file", "path": "a.npy", "scale": "db", "radiometry": "sigma0_local"}
-    radar = {"altitude_m": 1000.0, "radiometry": "sigma0_local"}
-    case = build_case(
-        radar=[radar, {**radar, "depression_deg": 50}], measurement=[file, file], design={"size": 6, "chunk": 4},
-        stop={"max_runs": 20},
-    )  # fmt: skip
+    passes = {"radar": [{}, {"depression_deg": 50}], "measurement": [measured()["measurement"]] * 2}
+    case = build_case(**passes, design={"size": 6, "chunk": 4}, stop={"max_runs": 20})
     second = [(rule, {"p": "2"}) for rule, _ in START[1:]]
     second += [("design_chunk", {"chunk": chunk}) for chunk in "23"]
     counts = planned_runs(case, [*START, *CHUNKS[:2], *second, *LOOP])

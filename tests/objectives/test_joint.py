@@ -69,13 +69,8 @@ def two_passes(objective, looks=(4, 4)):
 def found(request):
     case, targets, record = two_passes(request.param)
     objectives = make_objectives(case, targets)
-    return (
-        case,
-        targets,
-        record,
-        objectives,
-        score("design", 0, record, dict.fromkeys(TRUTH, X), targets, objectives, 1),
-    )
+    run = score("design", 0, record, dict.fromkeys(TRUTH, X), targets, objectives, 1)
+    return case, targets, record, objectives, run
 
 
 def points_of(objective, run, looks):

@@ -10,6 +10,7 @@ import pytest
 import rasterio
 import yaml
 from archives import changed_material, configured, posterior, without_curve
+from config_samples import COMMAND, measured
 from lxml import etree
 from rasterio.enums import ColorInterp
 from rasterio.shutil import copy
@@ -270,7 +271,7 @@ def test_calibrated_materials(made, tmp_path):
 
 
 def test_an_external_law_has_parameters_and_no_curve(build_archive, tmp_path):
-    made = build_archive(tmp_path / "made", external=("dyke", "unused"))
+    made = build_archive(tmp_path / "made", external=True)
     export(made, tmp_path / "out")
     assert set(pd.read_csv(tmp_path / "out/laws.csv")["material"]) == {"stem beans"}
     names = pd.read_csv(tmp_path / "out/parameters.csv").query("material == 'dyke'")["parameter"]
@@ -279,7 +280,5 @@ def test_an_external_law_has_parameters_and_no_curve(build_archive, tmp_path):
     assert (found["dyke"]["law"], found["dyke"]["names"]) == ("external", ["mv", "s", "l", "t"])
     assert found["unused"] == {"calibrate": False, "law": "external", "parameters": []}
     lake = {"calibrate": True, "law": "external", "names": ["p"], "bounds": [[0, 9]]}
-    command = {"kind": "command", "command": ["sim"], "output": {"file": "i.npy", "scale": "db"}}
-    image = {"source": "file", "path": "image.tif", "scale": "db", "radiometry": "sigma0_ref"}
-    again = case_from({"materials": {**found, "lake": lake}, "simulator": command, "measurement": image})
+    again = case_from({"materials": {**found, "lake": lake}, "simulator": COMMAND, **measured()})
     assert again.materials["dyke"].parameters == made.archive.laws["dyke"].tolist()

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from config_samples import COMMAND, measured
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -10,15 +11,9 @@ BOX = [[-50.0, -10.0], [0.0, 20.0], [1.0, 1.5], [0.0, 50.0]]
 
 
 def two_materials(build_case, sampler, size, seed=1):
-    return build_case(
-        seed=seed,
-        materials={
-            "dyke": {"calibrate": True, "bounds": BOX},
-            "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]},
-            "soil": {"calibrate": True, "bounds": BOX},
-        },
-        design={"sampler": sampler, "size": size},
-    )
+    free = {"calibrate": True, "bounds": BOX}
+    materials = {"dyke": free, "grass": {"parameters": [10.0, 14.0, 6.0, 4.0]}, "soil": free}
+    return build_case(seed=seed, materials=materials, design={"sampler": sampler, "size": size})
 
 
 @settings(max_examples=30, deadline=None)
@@ -80,15 +75,10 @@ def test_points_do_not_share_memory(build_case):
 
 
 def whole(build_case, size, bounds, **keys):
-    names = ["n", "m", "x"][: len(bounds)]
-    simulator = {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}}
-    dyke = {"calibrate": True, "law": "external", "names": names, "bounds": bounds, **keys}
-    return build_case(
-        simulator=simulator,
-        materials={"dyke": dyke, "grass": {"law": "external"}},
-        measurement={"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_local"},
-        design={"size": size},
-    )
+    dyke = {"calibrate": True, "law": "external", "names": ["n", "m"], "bounds": bounds, **keys}
+    materials = {"dyke": dyke, "grass": {"law": "external"}}
+    image = measured(radiometry="sigma0_local")
+    return build_case(simulator=COMMAND, materials=materials, design={"size": size}, **image)
 
 
 @pytest.mark.parametrize("sampler", SAMPLERS)

@@ -113,7 +113,7 @@ def test_the_figure_shows_the_incidence_of_all_passes(made):
 
 def test_parameters_are_told_with_their_intervals(build_archive, tmp_path):
     """At the end of the terminal those of laws without a curve, of which nothing else is known."""
-    external = build_archive(tmp_path / "made", external=("dyke", "unused")).archive
+    external = build_archive(tmp_path / "made", external=True).archive
     x = external.materials["dyke"].parameters[external.materials["dyke"].best]
     each = zip(("mv", "s", "l", "t"), x, ("1 to 2.9", "2 to 3.9", "3 to 4.9", "4 to 5.9"), strict=True)
     words = ", ".join(f"{name} {value:.4g} (5 to 95 %: {ends})" for name, value, ends in each)

@@ -61,7 +61,7 @@ def test_the_final_runs_have_the_texture_of_the_best_run(made, tmp_path):
 
 
 def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
-    made = build_archive(tmp_path, external=("dyke", "unused"))
+    made = build_archive(tmp_path, external=True)
     with h5py.File(made.path) as file:
         assert file["laws/unused"].shape == (0,)
         assert file["law_notes"][()].tolist() == []

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from calibration_samples import make_target
+from config_samples import synthetic
 
 from radcal.config import case_from
 from radcal.errors import ConfigError
@@ -14,13 +15,8 @@ LAW = LAWS["mangia"]
 
 
 def case_with(**material):
-    return case_from(
-        {
-            "materials": {"crops": {"calibrate": True, **material}},
-            "measurement": {"source": "synthetic", "synthetic": {"parameters": {"crops": [1.0, 2.0, 3.0, 4.0]}}},
-            "radar": {"looks": 4},
-        }
-    )
+    materials = {"crops": {"calibrate": True, **material}}
+    return case_from({"materials": materials, "radar": {"looks": 4}, **synthetic(parameters={"crops": [1, 2, 3, 4]})})
 
 
 def targets_at(level_db, **changes):

@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter
 
 from radcal import skewnormal
 from radcal.config import Radar, TargetConfig, Validation
-from radcal.ground.levels import Levels, offset_levels
+from radcal.ground.levels import offset_levels
 from radcal.ground.one_incidence import incidence_span_deg
 from radcal.ground.pixels import eligible_pixels
 from radcal.image.model import Measurement
@@ -126,21 +126,10 @@ def test_a_material_seen_at_one_incidence_is_level_only(geometry, measurement):
 
 
 def test_round_trip_is_exact(geometry, measurement, tmp_path):
-    levels = Levels(
-        "offset",
-        1.5,
-        0.25,
-        references=("grass",),
-        measured=(1.5, 1.0),
-    )
-    targets = Targets(
-        {
-            "grass": drawn_target(of(fit="penalised"), "grass", geometry, measurement),
-            "dyke": drawn_target(of(validation=Validation(rows=20)), "dyke", geometry, measurement),
-        },
-        levels,
-        3.5,
-    )
+    levels = offset_levels("offset", {"grass": (1.5, 0.25)})
+    grass = drawn_target(of(fit="penalised"), "grass", geometry, measurement)
+    dyke = drawn_target(of(validation=Validation(rows=20)), "dyke", geometry, measurement)
+    targets = Targets({"grass": grass, "dyke": dyke}, levels, 3.5)
     targets.write(tmp_path / "targets.h5")
     back = Targets.read(tmp_path / "targets.h5")
     assert list(back) == ["grass", "dyke"]
