@@ -70,12 +70,8 @@ TRUE_SOIL = {"source": "synthetic", "synthetic": {"parameters": {"soil": [0.2, 1
 
 def outside(materials, **sections):
     """Plain data of a case of an external program."""
-    return {
-        "simulator": {"kind": "command", "command": ["sh"], "output": {"file": "i.npy", "scale": "db"}},
-        "materials": {"soil": {"calibrate": True, "law": "external", "names": ["a", "n"], **materials}},
-        "measurement": {"source": "file", "path": "m.tif", "scale": "db", "radiometry": "sigma0_ref"},
-        **sections,
-    }
+    soil = {"calibrate": True, "law": "external", "names": ["a", "n"], **materials}
+    return {"simulator": COMMAND, "materials": {"soil": soil}, **measured(path="m.tif"), **sections}
 
 
 WHOLE = {"bounds": [[0.5, 9], [1, 12]], "integer": ["n"]}

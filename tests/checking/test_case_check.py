@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import rasterio
 import yaml
+from checking_samples import slant_range
 from commands import typed
 from pyproj import Transformer
 from raster_files import write_raster
@@ -43,8 +44,12 @@ SAID = {
 }
 
 
-def test_ten_mistakes_are_found_at_once(tmp_path, monkeypatch):
+@pytest.fixture(autouse=True)
+def _inside(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
+
+
+def test_ten_mistakes_are_found_at_once():
     Path("mine.yaml").write_text(TEN_MISTAKES)
     found = check_case(["mine.yaml"])
     assert len(found.problems) == len(SAID)
@@ -56,33 +61,8 @@ def test_ten_mistakes_are_found_at_once(tmp_path, monkeypatch):
     assert all(text in done.stderr for text in SAID)
 
 
-def slant_range(folder, names='{"1": "field", "2": "lake"}', shape=(60, 50)):
-    write_raster(folder / "labels.tif", np.where(np.arange(50) < 20, 1, 2).astype(np.uint8)[None].repeat(60, axis=0))
-    (folder / "names.json").write_text(names)
-    power = np.random.default_rng(3).gamma(4.0, 0.25, shape)
-    np.save(folder / "image.npy", power.astype(np.float32))
-    path = folder / "mine.yaml"
-    path.write_text(
-        f"""
-case: mine
-radar: {{looks: 4, nesz_db: -40}}
-scene: {{source: slant_range, labels: {folder}/labels.tif, names: {folder}/names.json,
-        near_incidence_deg: 20, far_incidence_deg: 40}}
-measurement: {{source: file, path: {folder}/image.npy, scale: power, radiometry: sigma0_ref}}
-materials:
-  field: {{calibrate: true, law: mangia, bounds: [[-40, 0], [0, 30], [0, 20], [0, 20]]}}
-  lake: {{calibrate: false, law: mangia, parameters: [-4, 3, 2, 6]}}
-target: {{pixels: 300}}
-design: {{size: 3}}
-stop: {{max_runs: 12}}
-uncertainty: {{walkers: 32, steps: 100}}
-"""
-    )
-    return path
-
-
 def test_what_a_right_case_needs_is_told(tmp_path):
-    path = slant_range(tmp_path)
+    path = slant_range()
     said = list[str]()
     found = check_case([path], results=tmp_path / "results", say=said.append)
     assert (found.problems, found.shape) == ([], (60, 50))
@@ -109,17 +89,17 @@ def test_what_a_right_case_needs_is_told(tmp_path):
 
 
 def test_what_only_the_files_show_is_found(tmp_path):
-    found = check_case([slant_range(tmp_path, '{"1": "field", "2": "sea"}')])
+    found = check_case([slant_range('{"1": "field", "2": "sea"}')])
     assert any("lake" in text for text in found.problems)
-    found = check_case([slant_range(tmp_path, shape=(61, 50))])
+    found = check_case([slant_range(shape=(61, 50))])
     assert any("image.npy" in text and "61 x 50" in text for text in found.problems)
     changed = check_case([tmp_path / "mine.yaml"], {"design": {"reuse": "another"}}, tmp_path / "results")
     assert any("design.reuse is 'another'" in text for text in changed.problems)
 
 
-def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path):
+def test_bounds_that_no_law_leaves_are_a_mistake():
     """The image has 0 dB, also where the bounds end 25 dB below; all else was looked at."""
-    path = slant_range(tmp_path)
+    path = slant_range()
     narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
     found = check_case([path], narrow)
     (said,) = found.problems
@@ -133,8 +113,8 @@ def test_bounds_that_no_law_leaves_are_a_mistake(tmp_path):
     assert check_case([path], narrow).problems == [said], "once for two passes"
 
 
-def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
-    path = slant_range(tmp_path)
+def test_warnings_are_told_as_such_and_first(monkeypatch):
+    path = slant_range()
     steep, plain = Finding("heading_missing", "warning", "radar.heading_deg"), Finding("scene_large", "note", "scene")
     found = replace(check_case([path]), findings=[plain, steep], search="search: short")
     monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
@@ -147,8 +127,8 @@ def test_warnings_are_told_as_such_and_first(tmp_path, monkeypatch):
     assert typed("check", path, code=1).stdout == f"  {sentence(steep)}\n"
 
 
-def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
-    path = slant_range(tmp_path)
+def test_the_settings_of_a_synthetic_measurement_are_tried():
+    path = slant_range()
     own = yaml.safe_load(path.read_text())
 
     def problems(**changes):
@@ -164,8 +144,7 @@ def test_the_settings_of_a_synthetic_measurement_are_tried(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_sentinel1_product_is_told(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_a_sentinel1_product_is_told(tmp_path):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
         speckle = np.random.default_rng(4).gamma(4.4, 1.0 / 4.4, (LINES, PIXELS))
@@ -207,9 +186,8 @@ def test_a_sentinel1_product_is_told(tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def on_the_map(tmp_path, monkeypatch):
+def on_the_map():
     """A case of heights, land cover and an image of two bands in dB, on one map, in the current folder."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(5)
     cover = np.where(np.arange(40) < 17, 40, 10).astype("uint8")[None].repeat(30, axis=0)
     for name, values in (
@@ -276,9 +254,8 @@ def test_a_case_without_materials_has_those_of_the_default_case(on_the_map):
 @pytest.mark.parametrize(
     ("key", "value"), [("command", ["./gone"]), ("files", ["gone"]), ("templates", [{"template": "gone", "file": "a"}])]
 )
-def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    path = slant_range(tmp_path)
+def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path):
+    path = slant_range()
     (tmp_path / "sim").write_text("#!/bin/sh\n")
     (tmp_path / "sim").chmod(0o755)
     simulator = {"kind": "command", "command": ["./sim", "{folder}"], "output": {"file": "a.npy", "scale": "db"}}
@@ -300,7 +277,7 @@ def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path, monk
     ],
 )
 def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole, said):
-    right = slant_range(tmp_path)
+    right = slant_range()
     data = yaml.safe_load(right.read_text())
     law = {"law": "formula", "formula": f"1/(theta-{pole}) + a", "names": ["a"], "bounds": [[-40, 0]]}
     data["materials"]["field"] = {"calibrate": True, **law}
@@ -313,8 +290,8 @@ def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole
     assert f"{right}: no mistake found" in done.stdout
 
 
-def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path):
-    path = slant_range(tmp_path)
+def test_a_raw_file_of_another_size_is_found_before_a_run():
+    path = slant_range()
     raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db", "shape": [60, 51]}
     simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw}
     found = check_case([path], {"simulator": simulator})
@@ -325,9 +302,8 @@ def test_a_raw_file_of_another_size_is_found_before_a_run(tmp_path):
     assert all("output.shape" not in text for text in check_case([path], {"simulator": simulator, **names}).problems)
 
 
-def test_a_case_for_simulate_is_checked_as_such(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    slant_range(tmp_path)
+def test_a_case_for_simulate_is_checked_as_such():
+    slant_range()
     scene = "{source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: "
     laws = "{field: {parameters: [-20, 6, 0, 4]}, lake: {parameters: [-30, 6, 9, 4], calibrate: false}}"
     Path("forward.yaml").write_text(f"scene: {scene}40}}\nmaterials: {laws}\n")
@@ -343,8 +319,8 @@ def test_a_case_for_simulate_is_checked_as_such(tmp_path, monkeypatch):
         assert not check_case(["forward.yaml"], change).forward
 
 
-def test_notes_on_one_of_several_images_name_their_pass(tmp_path):
-    path = slant_range(tmp_path)
+def test_notes_on_one_of_several_images_name_their_pass():
+    path = slant_range()
     case = yaml.safe_load(path.read_text())
     (alone,) = (one for one in check_case([path]).findings if one.code == "pixels")
     path.write_text(yaml.safe_dump({**case, **{key: [case[key]] * 2 for key in ("radar", "measurement")}}))
@@ -354,8 +330,8 @@ def test_notes_on_one_of_several_images_name_their_pass(tmp_path):
     assert [one.about for one in found.findings if one.code == "radiometry_unchecked"] == ["pass 1", "pass 2"]
 
 
-def test_a_start_that_is_the_hidden_truth_is_told(tmp_path):
-    path = slant_range(tmp_path)
+def test_a_start_that_is_the_hidden_truth_is_told():
+    path = slant_range()
     case = yaml.safe_load(path.read_text())
     for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False)):
         path.write_text(yaml.safe_dump({**case, "measurement": {"synthetic": {"parameters": hidden}}}))

@@ -1,23 +1,12 @@
 """Wrong cases and files, each told in one sentence with key, value found and value expected."""
 
-import json
 from pathlib import Path
 
 import numpy as np
 import pytest
+from checking_samples import SLANT_RANGE, slant_range
 from commands import typed
-from raster_files import write_raster
 
-SLANT_RANGE = """
-case: mine
-radar: {looks: 4, nesz_db: -40}
-scene: {source: slant_range, labels: labels.tif, names: names.json, near_incidence_deg: 20, far_incidence_deg: 40}
-measurement: {source: file, path: image.npy, scale: power, radiometry: sigma0_ref}
-materials:
-  field: {calibrate: true, law: mangia, bounds: [[-40, 0], [0, 30], [0, 20], [0, 20]]}
-  lake: {law: mangia, parameters: [-4, 3, 2, 6]}
-simulator: {kind: builtin}
-"""
 OUTSIDE = (
     "{kind: command, command: ['{python}', sim.py, '{input}'], input: {format: json}, output: {file: i.h5, scale: db}}"
 )
@@ -26,10 +15,7 @@ OUTSIDE = (
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    write_raster("labels.tif", np.where(np.arange(50) < 20, 1, 2).astype(np.uint8)[None].repeat(60, axis=0))
-    Path("names.json").write_text(json.dumps({"1": "field", "2": "lake"}))
-    np.save("image.npy", np.random.default_rng(3).gamma(4.0, 0.25, (60, 50)))
-    return tmp_path
+    slant_range()
 
 
 def refused(text):

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from config_samples import flat
 
 from radcal.calibration.scoring import score, with_texture
 from radcal.config import Optimiser, case_from
@@ -35,8 +36,7 @@ def two_passes(objective, looks=(4, 4)):
     """Case, targets and record of two passes; in the second one there is no lake."""
     case = case_from(
         {
-            "scene": {"source": "slant_range", "labels": "-", "names": "-"}
-            | {"near_incidence_deg": 20, "far_incidence_deg": 45},
+            **flat(),
             "objective": objective,
             "simulator": {"draws": 1},
             "materials": {name: {"calibrate": True, "bounds": BOUNDS} for name in TRUTH},
