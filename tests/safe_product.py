@@ -3,6 +3,7 @@
 import numpy as np
 from pyproj import Transformer
 from raster_files import write_raster
+from rasterio.transform import from_origin
 from scipy.optimize import fsolve
 
 LINES, PIXELS = 120, 100
@@ -184,3 +185,11 @@ def write_product(folder, pixels=None, polarisation="VV", noise_removed="false")
     values = digital_numbers() if pixels is None else pixels
     write_raster(safe / f"measurement/{STEM}.tiff", values)
     return safe
+
+
+def write_ground(code):
+    """Write level ground at 120 m, and land cover of one code, about the middle of the product."""
+    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
+    where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
+    write_raster("height.tif", np.full((40, 40), 120.0, dtype=np.float32), **where)
+    write_raster("cover.tif", np.full((40, 40), code, dtype=np.uint8), **where)

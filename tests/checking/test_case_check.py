@@ -1,19 +1,16 @@
 """Check of a case: every mistake is listed at once, and the need of a right one is told."""
 
-import warnings
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-import rasterio
 import yaml
 from checking_samples import slant_range
 from commands import typed
-from pyproj import Transformer
 from raster_files import write_raster
 from rasterio.transform import from_origin
-from safe_product import LINES, PIXELS, place_of, write_product
+from safe_product import LINES, PIXELS, write_ground, write_product
 
 from radcal.checking.case_check import check_case
 from radcal.findings import Finding, of_pass
@@ -145,14 +142,9 @@ def test_the_settings_of_a_synthetic_measurement_are_tried():
 
 @pytest.mark.slow
 def test_a_sentinel1_product_is_told(tmp_path):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", rasterio.errors.NotGeoreferencedWarning)
-        speckle = np.random.default_rng(4).gamma(4.4, 1.0 / 4.4, (LINES, PIXELS))
-        safe = write_product(tmp_path, np.ceil(400.0 * np.sqrt(speckle)).astype(np.uint16))
-    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
-    where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
-    for name, dtype, value in (("height.tif", "float32", 120.0), ("cover.tif", "uint8", 1)):
-        write_raster(name, np.full((40, 40), value, dtype=dtype), **where)
+    speckle = np.random.default_rng(4).gamma(4.4, 1.0 / 4.4, (LINES, PIXELS))
+    safe = write_product(tmp_path, np.ceil(400.0 * np.sqrt(speckle)).astype(np.uint16))
+    write_ground(1)
     Path("names.json").write_text('{"1": "crops"}')
     Path("mine.yaml").write_text(
         "scene: {source: raster, elevation: height.tif, materials: cover.tif, names: names.json, "

@@ -7,10 +7,9 @@ import numpy as np
 import pytest
 import shapely
 import yaml
-from pyproj import Transformer
 from raster_files import write_raster
 from rasterio.transform import from_origin
-from safe_product import place_of, write_product
+from safe_product import write_ground, write_product
 from typer.testing import CliRunner
 
 from radcal.checking.case_check import check_case
@@ -283,11 +282,8 @@ def test_a_land_cover_of_vectors_is_read(files):
 def test_a_product_fills_the_section_of_the_radar(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     safe = write_product(tmp_path)
-    x, y = Transformer.from_crs("EPSG:4326", "EPSG:32633", always_xy=True).transform(*place_of(60.0, 50.0, 120.0))
-    where = {"crs": "EPSG:32633", "transform": from_origin(x - 300.0, y + 300.0, 15.0, 15.0)}
-    for name, dtype, value in (("level.tif", "float32", 120.0), ("level_cover.tif", "uint8", 40)):
-        write_raster(name, np.full((40, 40), value, dtype=dtype), **where)
-    scene = ["--elevation", "level.tif", "--landcover", "level_cover.tif", "--landcover-preset", "esa_worldcover"]
+    write_ground(40)
+    scene = ["--elevation", "height.tif", "--landcover", "cover.tif", "--landcover-preset", "esa_worldcover"]
     written(*scene, "--vertical-datum", "WGS84 ellipsoid", "--image", safe, "--nesz", "-31")
     assert "FILL_IN" not in Path("mine.yaml").read_text()
     found = check_case(["mine.yaml"])
