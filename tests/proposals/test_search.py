@@ -11,54 +11,31 @@ from radcal import skewnormal
 from radcal.config import Optimiser
 from radcal.objectives.density import UNREACHABLE_SHARE, Density
 from radcal.proposals.search import Search, corners, lattice
+from radcal.proposals.surrogate import Surrogate
 from radcal.seeds import derived_seed
 
 QUICK = Optimiser(population=20, evaluations=100)
 PIXELS = np.random.default_rng(0).normal(3.0, 1.5, 300)
 
 
-class Exact:
-    """A surrogate that knows the truth: mean in [0, 10], log sd in [0, 1], skewness 0.9 x."""
+class Exact(Surrogate):
+    """A surrogate that knows the truth: mean in [0, 10], log sd in [0, 1], skewness 0.9 x; its draws are off."""
+
+    _shift = np.zeros(3)
 
     def __init__(self, known=((0.5, 0.5, 0.5),), error=1e-9, box=((0, 1), (0, 1), (0, 1)), whole=(0, 0, 0)):
         self.bounds, self.integer = np.array(box, dtype=float), np.array(whole, dtype=bool)
-        self.parameters, self.error = np.array(known, dtype=float), error
+        self.parameters, self.standard = np.array(known, dtype=float), error
         self.training = SimpleNamespace(
             direct=False, q2=np.array([0.5, 0.75, np.nan]), baseline=np.zeros(3, dtype=bool)
         )
 
-    def unit(self, x):
-        low, high = self.bounds.T
-        return (np.asarray(x, dtype=float) - low) / (high - low)
-
-    def scaled(self, unit):
-        low, high = self.bounds.T
-        x = low + np.asarray(unit, dtype=float) * (high - low)
-        return np.where(self.integer, np.round(x), x)
-
-    def snapped(self, unit):
-        return self.unit(self.scaled(unit)) if self.integer.any() else np.asarray(unit)
-
     def predict(self, unit):
         u = np.atleast_2d(unit)
-        return np.stack([10 * u[:, 0], u[:, 1], 0.9 * u[:, 2]], axis=-1)[:, None]
+        return np.stack([10 * u[:, 0], u[:, 1], 0.9 * u[:, 2]], axis=-1)[:, None] + self._shift * self.standard
 
     def standard_error(self, unit):
-        return np.full_like(self.predict(unit), self.error)
-
-
-class Uncertain(Exact):
-    """A surrogate that knows the truth, with draws off by standard errors as :meth:`.Surrogate.drawn` makes them."""
-
-    shift = np.zeros(3)
-
-    def drawn(self, seed):
-        draw = Uncertain(self.parameters, self.error)
-        draw.shift = np.random.default_rng(seed).standard_normal(3)
-        return draw
-
-    def predict(self, unit):
-        return super().predict(unit) + self.shift * self.error
+        return np.full_like(self.predict(unit), self.standard)
 
 
 def dp_of(mean, log_sd, skewness):
@@ -141,7 +118,7 @@ def test_a_batch_is_spread_by_the_error_of_the_surrogate():
     best = make_score(0.5, [0.5, 0.5, 0.5])
 
     def of(error):
-        wide = Uncertain(error=error)
+        wide = Exact(error=error)
         found = search(REACHABLE, wide).batch(3, QUICK, 1, best)
         assert found[0] == search(REACHABLE, wide).propose(QUICK, 1, best)
         assert [one.floor for one in found[1:]] == [None, None]
@@ -188,7 +165,7 @@ def test_of_several_as_good_the_best_known_is_proposed():
             return super().predict(u)
 
         def standard_error(self, unit):
-            return np.atleast_2d(unit)[:, None, :1] * np.ones(3) * self.error
+            return np.atleast_2d(unit)[:, None, :1] * np.ones(3) * self.standard
 
     for error, wanted in ((1e-3, 0.35), (-1e-3, 0.35)):
         surrogate = Folded(known=[[0.2, 0.5, 0.5]], error=abs(error))
