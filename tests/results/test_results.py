@@ -110,6 +110,7 @@ def test_laws_beyond_their_angles_are_noted(made):
     assert (found.code, found.about) == ("outside_angles", "dyke")
     numbers = {"share_percent": 19.0, "from_angle_deg": 22.0, "to_angle_deg": 90.0, "law": "made up"}
     assert found.numbers == pytest.approx(numbers, abs=0.5)
+    assert summarise(replace(made.archive, law_notes=(found,)))["law_notes"] == [sentence(found)]
     assert notes(20.3, 90.0) == notes(20.0, 30.2) == []
     (doubted,) = notes(20.0, 90.0, lambda x: f"X4 is {x[3]:g}")
     assert doubted == Finding("outside_data", "note", "dyke", {"law": "made up", "doubt": "X4 is 4"})
