@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from workflow_project import COLUMNS, ROWS, write_raster
 
-from radcal.calibration.loop import register_rounds
+from radcal.calibration.loop import calibrate, register_rounds
 from radcal.config import load
 from radcal.image.model import Measurement
 from radcal.objectives.history import read_runs
@@ -15,6 +15,7 @@ from radcal.simulators.runner import make_runners
 from radcal.storage.dataclass_groups import same
 from radcal.storage.records import read_json
 from radcal.storage.runs import read_index
+from radcal.targets.target import Targets
 
 MOVED = {"parameters": {"field": [6.1, 14.2, 21.5, 3.3]}, "seed": 1, "warp_px": 1}
 # the start is nearly the lake's law, so that the reference run shows little of the field
@@ -57,8 +58,10 @@ def test_the_image_is_registered_again_onto_a_run_of_the_laws_found(project, mon
     case, scene = load(["tiny.yaml"]), Scene.read(out / "scene.h5")
     geometry = read_geometry(out / "passes/1/geometry.h5")
     runners = make_runners(case, out / "scene.h5", [out / "passes/1/geometry.h5"], tmp_path / "runs")
-    again, _ = register_rounds(case, runners, geometry, Measurement.read(out / "passes/1/measurement.h5"), scene)
+    again, made = register_rounds(case, runners, geometry, Measurement.read(out / "passes/1/measurement.h5"), scene)
     assert same(again, registered)
+    history, _ = calibrate(case, runners, [Targets.read(out / "passes/1/target.h5")], registration=made)
+    assert (history.runs[1].kind, history.runs[1].keys[0]) == ("registration", run.key)
 
     # one registration: the run is not used, and nothing is made anew for it
     records = project.records()
