@@ -3,6 +3,7 @@
 import contextlib
 import fcntl
 import logging
+import multiprocessing
 import os
 import signal
 import socket
@@ -33,25 +34,22 @@ KEY, OTHER = f"{5:020x}", f"{5 + 2**40:020x}"
 @contextlib.contextmanager
 def another_process(act):
     """A child that holds what ``act`` acquires for the length of the block."""
-    (held, tell), (wait, release) = os.pipe(), os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.close(release)
-        try:
-            with act:
-                os.write(tell, b"1")
-                os.read(wait, 1)
-        finally:
-            os._exit(0)
-    os.close(wait)
+    fork = multiprocessing.get_context("fork")
+    held, release = fork.Event(), fork.Event()
+
+    def hold():
+        with act:
+            held.set()
+            release.wait()
+
+    child = fork.Process(target=hold)
+    child.start()
     try:
-        assert os.read(held, 1) == b"1"
+        assert held.wait(10)
         yield
     finally:
-        os.close(release)
-        os.waitpid(child, 0)
-        for number in (held, tell):
-            os.close(number)
+        release.set()
+        child.join()
 
 
 def test_a_claim_is_of_one_run(tmp_path, caplog):
