@@ -6,6 +6,8 @@ from radcal.radar.geometry import Geometry
 from radcal.scene.objects import Objects
 
 ROWS, COLUMNS = 60, 80
+# spacings and resolutions of a pass whose pixels are 1 m
+METRE = {"range_spacing_m": 1.0, "azimuth_spacing_m": 1.0, "range_resolution_m": 2.0, "azimuth_resolution_m": 2.0}
 X = [-28.0, 20.0, 6.0, 4.0]
 
 

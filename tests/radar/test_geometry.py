@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from geometry_samples import METRE
 
 from radcal.config import Radar
 from radcal.errors import SceneError
@@ -70,14 +71,8 @@ def test_area_of_a_tilted_plane_is_ulanders(build_scene, radiometry, across, alo
     np.testing.assert_allclose(10 * np.log10(found / expected), 0.0, atol=0.05)
 
 
-STEEP = Radar(
-    altitude_m=3000.0,
-    range_spacing_m=1.0,
-    azimuth_spacing_m=1.0,
-    range_resolution_m=2.0,
-    azimuth_resolution_m=2.0,
-    radiometry="sigma0_local",
-)  # as large as the cells of these scenes, so that facets are the cells and ground is straight between their middles
+# pixels as large as the cells of these scenes: facets are the cells, and ground is straight between their middles
+STEEP = Radar(altitude_m=3000.0, radiometry="sigma0_local", **METRE)
 
 
 def slant_m(radar, z, east, up):

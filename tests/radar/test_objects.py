@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometry_samples import objects_of
+from geometry_samples import METRE, objects_of
 from scipy import signal
 
 from radcal.bands import WIDTH_FACTOR
@@ -20,10 +20,7 @@ from radcal.simulators.builtin import BuiltinSimulator
 
 ALTITUDE, DEPRESSION = 500.0, 30.0
 QUIET = -200.0  # [dB] no noise at all
-FINE = Radar(
-    altitude_m=ALTITUDE, depression_deg=DEPRESSION, range_spacing_m=1, azimuth_spacing_m=1, range_resolution_m=2,
-    azimuth_resolution_m=2, nesz_db=-200.0, radiometry="sigma0_local",
-)  # fmt: skip
+FINE = Radar(altitude_m=ALTITUDE, depression_deg=DEPRESSION, nesz_db=QUIET, radiometry="sigma0_local", **METRE)
 CENTRE = ALTITUDE / np.tan(np.radians(DEPRESSION))
 NX, NY = 160, 60  # cells of 1 m
 

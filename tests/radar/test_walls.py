@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from geometry_samples import objects_of
+from geometry_samples import METRE, objects_of
 
 from radcal.config import Radar
 from radcal.findings import Finding
@@ -16,10 +16,7 @@ from radcal.scene.objects import Walls
 ALTITUDE = 500.0
 NX, NY = 160, 60  # cells of 1 m
 GROUND, ROOF, WALL = 1, 2, 3  # ids of the materials, and of objects
-RADAR = Radar(
-    altitude_m=ALTITUDE, depression_deg=45.0, range_spacing_m=1, azimuth_spacing_m=1, range_resolution_m=2,
-    azimuth_resolution_m=2, nesz_db=-200.0, radiometry="beta0",
-)  # fmt: skip
+RADAR = Radar(altitude_m=ALTITUDE, depression_deg=45.0, nesz_db=-200.0, radiometry="beta0", **METRE)
 
 
 def boxes(bounce=True, permittivity=None, **columns):
