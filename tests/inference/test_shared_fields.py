@@ -60,14 +60,3 @@ def test_the_covariance_of_the_means_is_that_of_effects_that_are_drawn(passes):
     for one, at in zip(passes, (np.arange(3), np.arange(3, 5)), strict=True):
         of_all = np.concatenate([at, at + n, at + 2 * n])
         np.testing.assert_allclose(joined.covariance[np.ix_(of_all, of_all)], one.covariance, rtol=1e-12)
-
-
-def test_an_effect_that_both_passes_show_costs_as_much_as_one(passes):
-    """Differences that a field explains in both passes are no more unlikely than in one of them."""
-    joined = together(passes)
-    same = [np.zeros((one.classes.size, 3)) for one in passes]
-    for one, away in zip(passes, same, strict=True):
-        away[:, 0] = 2.0 * one.patch_share[:, list(one.patches).index(12)]
-    alone = sum(float((one.whitened(away) ** 2).sum()) for one, away in zip(passes, same, strict=True))
-    assert float((joined.whitened(np.concatenate(same)) ** 2).sum()) < 0.7 * alone
-    assert float((joined.whitened(np.concatenate([same[0], -same[1]])) ** 2).sum()) > 1.4 * alone
