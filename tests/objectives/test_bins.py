@@ -31,6 +31,12 @@ def objectives(parts):
     return make_objectives(case, [targets])
 
 
+@pytest.fixture(scope="module")
+def objective(objectives):
+    """That of the field."""
+    return objectives["field"]
+
+
 def laws_are_right(history):
     """Shape and mean level within 1 dB."""
     angle = np.linspace(21.5, 43.5, 40)
@@ -74,12 +80,11 @@ def test_known_looks_are_not_searched(parts):
     assert not objective.free_looks
 
 
-def test_the_baseline_is_law_noise_and_speckle(parts, objectives, runner):
+def test_the_baseline_is_law_noise_and_speckle(parts, runner, objective):
     """Of a law far below the noise, as a run shows it, within what speckle leaves."""
     case, _, _, _, targets = parts
     deep = {"field": [-70.0, 5.0, 5.0, 5.0], "lake": TRUTH["lake"]}
     record = runner.run(deep, noise_seed(case))
-    objective = objectives["field"]
     shown = objective.statistics(record.pixels_db["field"][targets["field"].order])
     expected = objective.baseline(np.array(deep["field"]))
     assert targets["field"].noise_db == pytest.approx(-40.0)
@@ -107,9 +112,8 @@ def outlook(objective, x, statistics):
     return cost, found.outlook(make_score(cost, list(x), looks=looks, statistics=statistics.tolist()), seed=1)
 
 
-def test_nothing_is_left_at_the_minimum_and_much_away_from_it(objectives):
+def test_nothing_is_left_at_the_minimum_and_much_away_from_it(objective):
     """Where the simulator is law and speckle alone, the law found without it is the minimum."""
-    objective = objectives["field"]
     x = objective.bins.first
     least, (left, floor, moved) = outlook(objective, x, objective.baseline(x))
     assert left < 0.05  # the stop criterion: the law is found without the simulated speckle's share of the errors
@@ -123,9 +127,8 @@ def test_nothing_is_left_at_the_minimum_and_much_away_from_it(objectives):
     assert moved == pytest.approx(np.abs(MANGIA(seen, away) - MANGIA(seen, x)).max(), abs=0.2)
 
 
-def test_a_simulator_brighter_than_law_and_speckle_is_followed(objectives):
+def test_a_simulator_brighter_than_law_and_speckle_is_followed(objective):
     """Runs show 0.7 dB more than is expected: the law found is 0.7 dB lower."""
-    objective = objectives["field"]
     x = objective.bins.first
     _, (_, _, moved) = outlook(objective, x, objective.baseline(x) + [0.7, 0.0, 0.0])
     # but for the prior on the level, 0.7 dB against its 10
@@ -133,9 +136,8 @@ def test_a_simulator_brighter_than_law_and_speckle_is_followed(objectives):
 
 
 @pytest.mark.slow
-def test_a_trend_that_few_runs_leave_open_is_no_end(objectives, monkeypatch):
+def test_a_trend_that_few_runs_leave_open_is_no_end(monkeypatch, objective):
     """Two runs: one as the baseline predicts, the other with another skewness, which kriging continues between them."""
-    objective = objectives["field"]
     x, quick = np.array(objective.bins.first), Optimiser(population=20, evaluations=100)
     away, other = x + [3.0, 0.0, 0.0, 0.0], x + [-0.5, 0.0, 0.0, 0.0]
     runs = np.array([away, other])
@@ -177,8 +179,7 @@ def test_a_trend_that_few_runs_leave_open_is_no_end(objectives, monkeypatch):
     assert Search(objective, Surrogate(black_box, objective)).without_trend(best, seed=1) is None
 
 
-def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
-    objective = objectives["field"]
+def test_parts_are_levels_and_spreads_and_sum_to_all(objective):
     x = np.array(TRUTH["field"])
     statistics = objective.baseline(x)
     higher = statistics + [1.0, 0.0, 0.0]
@@ -192,9 +193,8 @@ def test_parts_are_levels_and_spreads_and_sum_to_all(objectives):
     np.testing.assert_allclose(likelihood.parts(points).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
 
 
-def test_the_scale_is_that_of_the_measured_bins(objectives):
+def test_the_scale_is_that_of_the_measured_bins(objective):
     """Means in it have the sampling's standard deviation, and that of the spread of fields."""
-    objective = objectives["field"]
     classes, spread = objective.bins.classes, objective.bins.spread
     means = objective.scale[:, 0] ** 2 - classes.cumulants[:, 1] / classes.effective
     assert objective.scale.shape == (3, 3)

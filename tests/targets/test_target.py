@@ -33,8 +33,12 @@ def measurement(geometry):
     return Measurement(values.astype(np.float32), "test")
 
 
-def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry, measurement):
-    target = drawn_target(of(), "dyke", geometry, measurement)
+@pytest.fixture(scope="module")
+def target(geometry, measurement):
+    return drawn_target(of(), "dyke", geometry, measurement)
+
+
+def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry, measurement, target):
     assert target.pixels.size == len(set(target.pixels.tolist())) == 500
     allowed = eligible_pixels("dyke", geometry, measurement, CONFIG).pixels
     assert set(target.pixels.tolist()) <= set(allowed.tolist())
@@ -44,16 +48,14 @@ def test_pixels_are_drawn_without_replacement_from_the_eligible(geometry, measur
     assert np.median(target.pixels) == pytest.approx(np.median(allowed), rel=0.15)
 
 
-def test_order_finds_the_pixels_in_a_record(geometry, measurement):
-    target = drawn_target(of(), "dyke", geometry, measurement)
+def test_order_finds_the_pixels_in_a_record(geometry, measurement, target):
     np.testing.assert_array_equal(geometry.pixels("dyke")[target.order], target.pixels)
     record = measurement.image_db.ravel()[geometry.pixels("dyke")]  # what the store keeps
     np.testing.assert_array_equal(record[target.order], target.values_db)
     np.testing.assert_array_equal(target.incidence_deg, geometry.incidence_deg.ravel()[target.pixels])
 
 
-def test_score_of_the_measured_values_is_zero(geometry, measurement):
-    target = drawn_target(of(), "dyke", geometry, measurement)
+def test_score_of_the_measured_values_is_zero(geometry, measurement, target):
     record = measurement.image_db.ravel()[geometry.pixels("dyke")]
     dp, rms = target.score(record)
     assert rms < 1e-6  # the target's parameters are rounded
@@ -65,8 +67,7 @@ def test_score_of_the_measured_values_is_zero(geometry, measurement):
     assert rms == pytest.approx(np.sqrt(np.mean((pdf(grid - 1.0) - pdf(grid)) ** 2)), rel=1e-2)
 
 
-def test_target_is_the_fit_of_its_values(geometry, measurement):
-    target = drawn_target(of(), "dyke", geometry, measurement)
+def test_target_is_the_fit_of_its_values(target):
     np.testing.assert_allclose(target.cp, skewnormal.fit(target.values_db).cp, atol=3e-5)
     np.testing.assert_allclose(target.cp, skewnormal.centred(target.dp))
     assert not target.at_boundary
@@ -97,8 +98,7 @@ def test_correlated_pixels_have_larger_standard_errors(geometry):
     assert relative[1] > 1.2 * relative[0]
 
 
-def test_draw_depends_on_seed_and_material_only(geometry, measurement):
-    target = drawn_target(of(), "dyke", geometry, measurement)
+def test_draw_depends_on_seed_and_material_only(geometry, measurement, target):
     again = drawn_target(of(), "dyke", geometry, Measurement(measurement.image_db + 3, "other"))
     np.testing.assert_array_equal(again.pixels, target.pixels)
     other = drawn_target(of(seed=2), "dyke", geometry, measurement)
