@@ -8,10 +8,9 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from typer.testing import CliRunner
+from commands import typed
 
 import radcal
-from radcal.cli import app
 from radcal.cli.run import files_of_stages, snakemake_command, sorted_words
 from radcal.config import load
 from radcal.config.yaml_file import settings
@@ -45,10 +44,6 @@ def started(monkeypatch):
     return commands
 
 
-def run(*arguments):
-    return CliRunner().invoke(app, ["run", *arguments])
-
-
 def parsed_by_snakemake(command):
     """What Snakemake's own parser makes of a command."""
     from snakemake.cli import parse_args  # only the process that runs these tests loads Snakemake
@@ -57,10 +52,8 @@ def parsed_by_snakemake(command):
 
 
 def refused(*arguments):
-    done = run(*arguments)
-    assert done.exit_code == 1, done.output
-    assert done.stdout == ""
-    assert done.stderr.count("\n") == 1
+    done = typed("run", *arguments, code=1)
+    assert (done.stdout, done.stderr.count("\n")) == ("", 1)
     assert done.stderr.startswith("radcal: ")
     return done.stderr.removeprefix("radcal: ").rstrip("\n")
 
@@ -90,13 +83,13 @@ def test_wrong_commands_end_in_a_sentence(clone, arguments, said, started):
 
 
 def test_a_clones_own_workflow_is_run_in_its_folder(clone, started):
-    run("mine.yaml")
+    typed("run", "mine.yaml")
     assert not {"--snakefile", "--workflow-profile"} & set(started[0])
     assert os.environ["RADCAL_RESULTS"] == "results"
 
 
 def test_stages_are_targets(clone, started):
-    run("mine.yaml", "registration", "design", "results/mine/scene.h5", "design_chunk", "posterior")
+    typed("run", "mine.yaml", "registration", "design", "results/mine/scene.h5", "design_chunk", "posterior")
     at = "results/mine/"
     targets = parsed_by_snakemake(started[0]).targets
     assert targets[:3] == [f"{at}passes/1/registered.h5", "design", f"{at}scene.h5"]
@@ -118,7 +111,7 @@ def test_a_stage_of_several_passes_is_made_in_each(build_case):
 def test_a_profile_of_the_current_folder_is_taken_before_radcals(clone, started, monkeypatch):
     (clone / "elsewhere/profiles/slurm").mkdir(parents=True)
     monkeypatch.chdir(clone / "elsewhere")
-    run("../mine.yaml", "--", "--profile", "profiles/slurm")
+    typed("run", "../mine.yaml", "--", "--profile", "profiles/slurm")
     assert started[0][-2:] == ["--profile", "profiles/slurm"]
 
 
@@ -128,7 +121,7 @@ def test_elsewhere_radcals_own_workflow_is_run(clone, folder, started, monkeypat
     if folder == "others":
         (clone / "others/Snakefile").write_text("rule all:\n    input: []\n")
     monkeypatch.chdir(clone / folder)
-    done = run("../mine.yaml", "--results", "found", "--", "--profile", "profiles/slurm")
+    done = typed("run", "../mine.yaml", "--results", "found", "--", "--profile", "profiles/slurm")
     own = Path(radcal.__file__).resolve().parents[2]
     assert started[0][-2:] == ["--profile", str(own / "profiles/slurm")]
     started[0][-2:] = []
@@ -200,8 +193,7 @@ def test_a_case_that_fails_does_not_stop_the_next(clone, monkeypatch, capfd):
         lambda case, *_: [sys.executable, "end.py", "--configfile", str(case)],
     )
     monkeypatch.setenv("RADCAL_RESULTS", "")
-    done = run("bad.yaml", "mine.yaml", "last.yaml")
-    assert done.exit_code == 3
+    done = typed("run", "bad.yaml", "mine.yaml", "last.yaml", code=3)
     assert capfd.readouterr().out.split() == ["ran", "bad", "ran", "mine", "ran", "last"]
     assert "radcal: case mine (2 of 3)\n" in done.stderr
     assert done.stderr.splitlines()[-3:] == [
@@ -210,8 +202,7 @@ def test_a_case_that_fails_does_not_stop_the_next(clone, monkeypatch, capfd):
         "radcal: last: failed (exit status 4)",
     ]
     (clone / "stopped.yaml").write_text("case: stopped\n")
-    done = run("mine.yaml", "stopped.yaml", "last.yaml")
-    assert done.exit_code == 130
+    done = typed("run", "mine.yaml", "stopped.yaml", "last.yaml", code=130)
     assert capfd.readouterr().out.split() == ["ran", "mine", "ran", "stopped"]
     assert done.stderr.splitlines()[-3:] == [
         "radcal: mine: done",
@@ -219,7 +210,7 @@ def test_a_case_that_fails_does_not_stop_the_next(clone, monkeypatch, capfd):
         "radcal: last: not begun",
     ]
     (clone / "wrong.yaml").write_text("case: wrong\nsede: 1\n")
-    done = run("mine.yaml", "wrong.yaml", "gone.yaml")
+    done = typed("run", "mine.yaml", "wrong.yaml", "gone.yaml", code=1)
     assert capfd.readouterr().out == "", "no case is run if one is wrong"
     assert [line[:25] for line in done.stderr.splitlines()] == [
         "radcal: wrong.yaml, line ",
@@ -266,6 +257,5 @@ def test_help_is_there_at_once():
     code = "import sys, radcal.cli; print({'numpy', 'pydantic', 'yaml', 'snakemake', 'h5py'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout == "set()\n"
-    shown = CliRunner().invoke(app, ["run", "--help"])
-    assert shown.exit_code == 0
+    shown = typed("run", "--help")
     assert "  radcal run config/mine.yaml --set stop.law_db=0.02   one key changed" in shown.output
