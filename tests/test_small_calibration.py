@@ -124,9 +124,7 @@ def test_commands_without_snakemake_refuse_in_a_sentence(finished, monkeypatch):
     Path("wrong.yaml").write_text("sede: 3\n")
     for words, said in (
         (["advise", "tiny"], "the scene is in slant range, whose incidence is the same in every pass"),
-        (["advise", "nowhere"], "nowhere: there is no folder results/nowhere"),
         (["apply", "tiny", "--to", "wrong.yaml"], "wrong.yaml, line 1: unknown key sede"),
-        (["simulate", "wrong.yaml"], "wrong.yaml, line 1: unknown key sede"),
         (["simulate", "tiny.yaml", "--materials", "gone.yaml"], "--materials: the file gone.yaml does not exist"),
     ):
         refused = typed(*words, code=1).stderr

@@ -70,7 +70,6 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path):
         ({"registration": {"method": "none"}}, "classes", True, 2, False, 4),
         ({"registration": {"rounds": 1}}, "classes", True, 2, False, 4),
         ({"simulator": {"draws": 2}}, "classes", True, 2, True, 2),
-        ({"simulator": {"keep_images": True}}, "classes", True, 2, True, 4),
         ({"objective": "density", "simulator": {"draws": 3}}, "density", True, 2, True, 3),
         (external(3), "density", False, 8, False, 1),
         (external(7), "density", False, 14, False, 1),
