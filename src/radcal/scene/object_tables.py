@@ -258,7 +258,7 @@ def _numbers(table: pd.DataFrame, name: str, path: Path, may_be_empty: bool) -> 
 def _texts(table: pd.DataFrame, name: str) -> NDArray[np.str_]:
     if name not in table:
         return np.full(len(table), "")
-    return table[name].fillna("").astype(str).str.strip().to_numpy(dtype=str)
+    return table[name].astype(object).fillna("").astype(str).str.strip().to_numpy(dtype=str)
 
 
 def _checked(
