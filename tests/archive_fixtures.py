@@ -19,12 +19,13 @@ from radcal.ground.goodness import Goodness
 from radcal.image.model import Measurement
 from radcal.inference.moments import from_dp
 from radcal.objectives.history import History, PassScore, Proposal, Run
+from radcal.products.export import write_export
 from radcal.radar.geometry import Geometry
 from radcal.registration.registered import Registered, register
 from radcal.results.archive import read_archive
 from radcal.results.results import archive_of
 from radcal.scene.model import Scene
-from radcal.storage.runs import Record, RunStore
+from radcal.storage.runs import Record, RunStore, write_index
 from radcal.targets.target import Targets
 
 HIDDEN = [6.1, 14.2, 21.5, 3.3]
@@ -67,6 +68,15 @@ class Made:
         )  # fmt: skip
         archive.write(path)
         return read_archive(path)
+
+    def exported(self, folder, archive=None, scene=None, geometry=None):
+        """Write the exports of an archive, of this one by default."""
+        archive, case, final = archive or self.archive, STAGES["archive"].of(self.case), folder / "final.json"
+        write_index(final, [])
+        of_pass = [geometry or self.geometry], [archive.registered]
+        files = write_export(folder, case, archive, scene or self.scene, *of_pass, final, folder / "runs")
+        final.unlink()
+        return files
 
 
 def make_archive(

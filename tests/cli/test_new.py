@@ -190,6 +190,7 @@ def test_a_sensor_leaves_no_line_open(files):
     assert not Path("mine_names.json").exists()
     case = load(["mine.yaml"])
     assert (case.radar.sensor, case.radar.incidence_deg, case.radar.heading_deg) == ("sentinel1_iw_grdh", 39, 190.5)
+    assert (case.radar.looks, case.radar.altitude_m) == (4.4, 693_000)
     assert case.radar.radiometry == case.measurement.radiometry == "gamma0"
     assert case.radar.polarisation == "VH"  # of the band
     assert (case.materials["water"].law, case.materials["water"].parameters) == ("mangia", [-28, 8, 14, 8])
@@ -204,10 +205,6 @@ def test_a_sensor_leaves_open_what_it_does_not_give(files):
     write(Path("fine.tif"), [np.ones((30, 40), np.float32)], ("VV",), 15.0)
     radar = written(*files[:4], "--image", "fine.tif", *sensor)["radar"]
     assert (radar["range_spacing_m"], radar["azimuth_spacing_m"]) == (9.642, 15)
-    whole = ["--heading", "190.5", "--nesz", "-22", "--radiometry", "sigma0_ref", "--polarisation", "VV"]
-    written(*files[:4], "--image", "synthetic", *sensor, "--vertical-datum", "local", *whole)
-    case = load(["mine.yaml"])
-    assert (case.radar.looks, case.radar.heading_deg, case.radar.altitude_m) == (4.4, 190.5, 693_000)
 
 
 def test_land_cover_without_a_place_is_a_scene_in_slant_range(files):

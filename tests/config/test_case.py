@@ -3,7 +3,7 @@
 import pytest
 from config_samples import TWO_PASSES, dyke, external, measured, product
 
-from radcal.config import Case, FileMeasurement, case_from
+from radcal.config import Case, case_from
 
 
 def test_defaults_are_a_valid_case():
@@ -26,9 +26,6 @@ def test_measurement_of_the_same_pass():
         {"radar": {"polarisation": "VV", "band": "L"}} | measured(polarisation="VV", carrier_band="l-band")
     )
     assert (declared.measurement.polarisation, declared.measurement.carrier_band) == ("VV", "l-band")
-    assert case_from(measured(band=2)).measurement == FileMeasurement(
-        path="a.tif", scale="db", radiometry="sigma0_ref", band=2
-    )
 
 
 def test_the_default_truth_does_not_bind_other_materials():

@@ -1,6 +1,7 @@
 """The schema for editors: in step with the models, and of one mind with radcal about a case."""
 
 import json
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -48,19 +49,7 @@ def test_the_schema_is_of_the_draft_that_editors_read(schema):
     Draft7Validator.check_schema(schema.schema)
     assert schema.schema["$schema"] == Draft7Validator.META_SCHEMA["$schema"]
     later = {"prefixItems", "discriminator", "ge", "gt", "le", "lt", "title"}
-    assert not later & {word for part in parts(schema.schema) for word in part}
-
-
-def parts(node):
-    """Every schema inside of a schema; maps of names to schemas are none."""
-    if isinstance(node, list):
-        for item in node:
-            yield from parts(item)
-    elif isinstance(node, dict):
-        yield node
-        for word, value in node.items():
-            for item in value.values() if word in ("properties", "$defs") else [value]:
-                yield from parts(item)
+    assert not later & set(re.findall(r'"(\w+)": ', SCHEMA.read_text()))
 
 
 def test_every_key_is_explained(schema):

@@ -45,18 +45,8 @@ def on_map(made, ground):
     return scene, replace(made.geometry, ground=ground)
 
 
-def export(made, folder, archive=None, scene=None, geometry=None):
-    archive = made.archive if archive is None else archive
-    case, final = STAGES["archive"].of(made.case), folder / "final.json"
-    write_index(final, [])
-    of_pass = [geometry or made.geometry], [archive.registered]
-    files = write_export(folder, case, archive, scene or made.scene, *of_pass, final, folder / "runs")
-    final.unlink()
-    return files
-
-
 def test_a_known_corner_lies_at_its_place(made, on_map, tmp_path):
-    export(made, tmp_path, scene=on_map[0], geometry=on_map[1])
+    made.exported(tmp_path, scene=on_map[0], geometry=on_map[1])
     measured = made.archive.measured_db
     with rasterio.open(tmp_path / "measured.tif") as raster:
         assert raster.crs.to_epsg() == 32631
@@ -131,7 +121,7 @@ def test_images_of_a_further_pass_are_those_of_its_own_fresh_run(made, tmp_path)
 
 
 def test_a_scene_without_a_map_says_so(made, tmp_path):
-    files = export(made, tmp_path)
+    files = made.exported(tmp_path)
     assert map_grid(made.scene, made.geometry) is None
     with rasterio.open(tmp_path / "measured.tif") as raster:
         np.testing.assert_array_equal(raster.read(1), made.archive.measured_db)
@@ -153,7 +143,7 @@ def test_map_viewers_show_names_and_colours_of_materials(made, on_map, tmp_path,
     colours = {1: "#0A141E", 2: "#56B4E9", 3: "#009E73"}  # configured, or at the material's place in the list
     changed = deepcopy(made)
     changed.case.materials["dyke"] = changed.case.materials["dyke"].model_copy(update={"colour": colours[1]})
-    export(changed, tmp_path, scene=scene, geometry=geometry)
+    changed.exported(tmp_path, scene=scene, geometry=geometry)
     with rasterio.open(tmp_path / "material.tif") as raster:
         found = raster.colormap(1)
         assert raster.colorinterp == (ColorInterp.palette,)
@@ -169,7 +159,7 @@ def test_map_viewers_show_names_and_colours_of_materials(made, on_map, tmp_path,
 
 
 def test_measured_and_calibrated_image_have_one_gray_scale(made, tmp_path):
-    export(made, tmp_path)
+    made.exported(tmp_path)
     ends = [[float(etree.parse(tmp_path / f"{name}.qml").findtext(f".//{end}")) for end in ("minValue", "maxValue")]
             for name in ("measured", "calibrated")]  # fmt: skip
     assert ends[0] == ends[1]
@@ -180,7 +170,7 @@ def test_measured_and_calibrated_image_have_one_gray_scale(made, tmp_path):
 def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made, tmp_path):
     seen = np.array([[38.7, 38.9], [44.0, 44.0]])  # the first angle lies between two rows of whole degrees
     archive = changed_material(made.archive, "dyke", level_only=True, posterior=posterior(seen_deg=seen))
-    export(made, tmp_path, archive)
+    made.exported(tmp_path, archive)
     laws = pd.read_csv(tmp_path / "laws.csv").set_index(["material", "incidence_deg"]).loc["dyke"]
     assert laws.index[laws["level"]].tolist() == [38.8, 44.0]
     assert len(laws) == 87
@@ -193,13 +183,13 @@ def test_the_level_of_a_material_seen_at_one_incidence_is_a_row_of_the_laws(made
     x, phi = archive.laws["dyke"], np.radians(38.8)
     assert row["calibrated_db"] == pytest.approx(x[0] + x[1] * np.cos(phi) + x[2] * np.exp(-x[3] * phi**2))
     whole = changed_material(archive, "dyke", level_only=False)
-    export(made, tmp_path, whole)
+    made.exported(tmp_path, whole)
     assert not pd.read_csv(tmp_path / "laws.csv")["level"].any()
 
 
 def test_tables(made, tmp_path):
     looks = np.full(made.archive.runs.kind.size, 2.75)
-    export(made, tmp_path, changed_material(made.archive, "dyke", looks=looks, posterior=without_curve()))
+    made.exported(tmp_path, changed_material(made.archive, "dyke", looks=looks, posterior=without_curve()))
     table = pd.read_csv(tmp_path / "parameters.csv").set_index(["material", "parameter"])
     assert table["calibrated"].loc["dyke"].tolist() == made.archive.laws["dyke"].tolist()
     row = table.loc[("dyke", "X4")]
@@ -226,7 +216,7 @@ def test_bands_are_known_inside_of_their_interval(made, tmp_path):
     middle, low, high = -10.0 - degrees, -11.0 - degrees, -8.0 - degrees
     curve = Curve(degrees, middle, low, high, np.full(6, 0.3), middle, low + 0.1, high - 0.1)
     known = posterior(curve=curve, known_between_deg=(21.5, 24.0))
-    export(made, tmp_path, changed_material(made.archive, "dyke", posterior=known))
+    made.exported(tmp_path, changed_material(made.archive, "dyke", posterior=known))
     laws = pd.read_csv(tmp_path / "laws.csv").query("material == 'dyke'")
     assert laws["known"].tolist() == [False, False, True, True, True, False]
     assert laws[["median_db", "p05_db", "p95_db"]].iloc[2].tolist() == [-32.0, -33.0, -30.0]
@@ -242,7 +232,7 @@ def test_calibrated_materials(made, tmp_path):
     materials = json.loads(archive.config)["materials"]
     materials["dyke"]["colour"] = "#8A5A2B"
     archive = configured(archive, materials=materials)
-    export(made, tmp_path, archive)
+    made.exported(tmp_path, archive)
     text = (tmp_path / "calibrated.yaml").read_text()
     found = yaml.safe_load(text)["materials"]
     assert text.startswith("# Materials of the case small, as radcal calibrated them: sigma0 of 2 materials")
@@ -272,7 +262,7 @@ def test_calibrated_materials(made, tmp_path):
 
 def test_an_external_law_has_parameters_and_no_curve(build_archive, tmp_path):
     made = build_archive(tmp_path / "made", external=True)
-    export(made, tmp_path / "out")
+    made.exported(tmp_path / "out")
     assert set(pd.read_csv(tmp_path / "out/laws.csv")["material"]) == {"stem beans"}
     names = pd.read_csv(tmp_path / "out/parameters.csv").query("material == 'dyke'")["parameter"]
     assert names.tolist() == ["mv", "s", "l", "t"]

@@ -15,25 +15,19 @@ from archives import changed_material, posterior
 from pyproj import Transformer
 
 import radcal
-from radcal.config.stages import STAGES
 from radcal.errors import StoreError
 from radcal.posterior.result import KeptDraws
-from radcal.products.export import write_export
 from radcal.products.stac import stac_item
 from radcal.products.tables import write_runs
 from radcal.results.summary import summarise
 from radcal.storage.records import write_json
-from radcal.storage.runs import write_index
 
 PAGE = Path(__file__).parents[2] / "docs" / "exports.md"
 
 
 def finish(made, folder, **scene):
     """Results folder of a finished calibration, as far as scripts read it."""
-    write_index(folder.parent / "final.json", [])
-    found = replace(made.scene, **scene), [made.geometry], [made.archive.registered]
-    files = folder.parent / "final.json", folder / "runs"
-    write_export(folder / "export", STAGES["archive"].of(made.case), made.archive, *found, *files)
+    made.exported(folder / "export", scene=replace(made.scene, **scene))
     write_runs(folder / "runs.csv", made.archive)
     write_json(folder / "summary.json", summarise(made.archive), flat=True)
     return folder
