@@ -70,7 +70,7 @@ def refused(*arguments):
         (["mine.yaml", "--set", "stop.rms"], "--set stop.rms: expected KEY=VALUE such as stop.rms=1e-6."),
         (["mine.yaml", "--set", "stop.rsm=1"], "mine.yaml, command line: unknown key stop.rsm (did you mean 'rms'?)."),
         (
-            ["mine.yaml", "--set", "stop.max_runs=1"],
+            ["mine.yaml", "--set", "stop.max_runs=1", "--set", "design.size=2"],
             "mine.yaml, command line: stop.max_runs is 1, expected at least design.size",
         ),
         (["mine.yaml", "--", "--config", "seed=3"], "--config after -- would replace the case that is checked: type"),
@@ -89,12 +89,14 @@ def test_a_clones_own_workflow_is_run_in_its_folder(clone, started):
 
 
 def test_stages_are_targets(clone, started):
-    typed("run", "mine.yaml", "registration", "design", "results/mine/scene.h5", "design_chunk", "posterior")
+    settings = ("--set", "design.size=2")
+    typed("run", "mine.yaml", "registration", "design", "results/mine/scene.h5", "design_chunk", "posterior", *settings)
     at = "results/mine/"
     targets = parsed_by_snakemake(started[0]).targets
     assert targets[:3] == [f"{at}passes/1/registered.h5", "design", f"{at}scene.h5"]
     assert f"{at}design/0.json" in targets[3:-1]
     assert targets[-1] == f"{at}posterior/dyke.h5"
+    assert "'design_chunk' has no jobs in case mine" in refused("mine.yaml", "design_chunk")
     told = refused("mine.yaml", "verify")
     assert "such as results/CASE/iterations/0/verified.json, or one of all, archive, design, " in told
     assert "train" not in told

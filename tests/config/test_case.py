@@ -17,7 +17,7 @@ def test_defaults_are_a_valid_case():
     assert case.materials["dyke"].box == [(-32.0, -8.0), (0.0, 16.0), (0.0, 22.0), (0.0, 12.0)]
     assert case_from(dyke()).materials["dyke"].box == [(0.0, 50.0)] * 4  # the law's own
     assert (case.stop.rms, case.stop.max_runs, case.stop.stagnation_runs) == (1e-5, 200, 20)
-    assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 2)
+    assert (case.objective, case.design.sampler, case.design_size) == ("classes", "sobol", 0)
     assert case.has_baseline
 
 
@@ -53,21 +53,22 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path):
 @pytest.mark.parametrize(
     ("changes", "objective", "baseline", "size", "twice", "draws"),
     [
-        ({}, "classes", True, 2, True, 4),
-        ({"objective": "density"}, "density", True, 2, True, 1),
-        ({"objective": "likelihood"}, "likelihood", True, 2, True, 4),
-        ({"design": {"size": 0}}, "classes", True, 0, True, 4),
+        ({}, "classes", True, 0, True, 4),
+        ({"objective": "density"}, "density", True, 0, True, 1),
+        ({"objective": "likelihood"}, "likelihood", True, 0, True, 4),
+        ({"design": {"size": 3}}, "classes", True, 3, True, 4),
+        ({"materials": dyke(start=OTHER_START)["materials"]}, "classes", True, 2, True, 4),
         ({"objective": "density", "design": {"size": 20}}, "density", True, 20, True, 1),
         ({"surrogate": {"baseline": False}}, "classes", False, 8, False, 4),
         ({"surrogate": {"baseline": False}, "stop": {"max_runs": 8}}, "classes", False, 8, False, 4),
         ({"objective": "density", "surrogate": {"outputs": "direct"}}, "density", False, 8, False, 1),
         ({"target": {"normalisation": "image"}}, "density", False, 8, False, 1),
-        ({"target": {"incidence_classes": 1}}, "density", True, 2, True, 1),
-        ({"target": {"incidence_classes": 5}}, "classes", True, 2, True, 4),
-        ({"registration": {"method": "none"}}, "classes", True, 2, False, 4),
-        ({"registration": {"rounds": 1}}, "classes", True, 2, False, 4),
-        ({"simulator": {"draws": 2}}, "classes", True, 2, True, 2),
-        ({"objective": "density", "simulator": {"draws": 3}}, "density", True, 2, True, 3),
+        ({"target": {"incidence_classes": 1}}, "density", True, 0, True, 1),
+        ({"target": {"incidence_classes": 5}}, "classes", True, 0, True, 4),
+        ({"registration": {"method": "none"}}, "classes", True, 0, False, 4),
+        ({"registration": {"rounds": 1}}, "classes", True, 0, False, 4),
+        ({"simulator": {"draws": 2}}, "classes", True, 0, True, 2),
+        ({"objective": "density", "simulator": {"draws": 3}}, "density", True, 0, True, 3),
         (external(3), "density", False, 8, False, 1),
         (external(7), "density", False, 14, False, 1),
         ({**external(7), "design": {"size": 3}}, "density", False, 3, False, 1),

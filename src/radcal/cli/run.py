@@ -150,8 +150,13 @@ def files_of_stages(targets: Sequence[str], case: Case, results: Path) -> list[s
             )
         if target not in rules and "/" not in target:
             raise ConfigError(f"there is no target {target!r}{nearest(target, rules)}.")
-        files = STAGES[target].files(case) if target in STAGES else []
-        found += [f"{results / case.case}/{path}" for path in files] or [target]
+        if target in STAGES:
+            files = STAGES[target].files(case)
+            if not files:
+                raise ConfigError(f"the target {target!r} has no jobs in case {case.case}, expected another.")
+            found += [f"{results / case.case}/{path}" for path in files]
+        else:
+            found.append(target)
     return found
 
 

@@ -18,8 +18,9 @@ from radcal.sections.search import Design, Infill, Optimiser, Stop, SurrogateCon
 from radcal.sections.simulator import SimulatorConfig
 from radcal.sections.target import TargetConfig, Uncertainty, Validation
 
-# The baseline predicts most of how a run depends on X. Two runs are enough to estimate its error.
-_DESIGN_SIZE = 2
+# The baseline predicts most of how a run depends on X, and its error is learnt where the search goes. A reference run
+# with another law trains no surrogate: the first search then needs a design.
+_DESIGN_SIZE_WITHOUT_REFERENCE = 2
 _DESIGN_SIZE_WITHOUT_BASELINE = 8
 
 _Item = TypeVar("_Item")
@@ -163,7 +164,7 @@ class Part(Section):
         if self.design.size != "auto":
             return self.design.size
         if self.has_baseline:
-            return _DESIGN_SIZE
+            return _DESIGN_SIZE_WITHOUT_REFERENCE if self.start_with_another_law else 0
         most = max(len(material.box) for material in self.materials.values() if material.calibrate)
         return max(_DESIGN_SIZE_WITHOUT_BASELINE, 2 * most)
 

@@ -18,8 +18,8 @@ class Design(Section):
     )
     size: Annotated[Integer, Field(ge=0, le=100_000)] | Literal["auto"] = Field(
         "auto",
-        description="number of runs; auto: 2, or at least 8 without a baseline (as with law: external); 0 needed the "
-        "fewest runs in tests (docs/right_law.md); larger designs contain smaller ones",
+        description="number of runs; auto: 0, but 2 if a material starts with another law, and at least 8 without a "
+        "baseline (as with law: external; docs/right_law.md); larger designs contain smaller ones",
     )
     chunk: Annotated[Integer, Field(ge=1, le=1000)] = Field(4, description="number of design runs in one workflow job")
     reuse: CaseName | None = Field(
