@@ -57,7 +57,7 @@ def test_a_file_that_may_say_its_radiometry_is_not_asked_for_it(path):
         ({"objective": "density"}, "density", True, 0, True, 1),
         ({"objective": "likelihood"}, "likelihood", True, 0, True, 4),
         ({"design": {"size": 3}}, "classes", True, 3, True, 4),
-        ({"materials": dyke(start=OTHER_START)["materials"]}, "classes", True, 2, True, 4),
+        (dyke(start={"law": "constant_gamma", "parameters": [-9]}), "classes", True, 2, True, 4),
         ({"objective": "density", "design": {"size": 20}}, "density", True, 20, True, 1),
         ({"surrogate": {"baseline": False}}, "classes", False, 8, False, 4),
         ({"surrogate": {"baseline": False}, "stop": {"max_runs": 8}}, "classes", False, 8, False, 4),

@@ -44,7 +44,9 @@ def test_a_section_with_a_mistake_leaves_the_others_for_further_checks(loaded):
 
 def test_contradictions_between_sections_are_told_once_all_sections_are_right(loaded):
     def problems(**more):
-        return list(loaded({"design": {"reuse": "mine", "size": 2}, "case": "mine", "stop": {"max_runs": 1}, **more}).problems)
+        return list(
+            loaded({"design": {"reuse": "mine", "size": 2}, "case": "mine", "stop": {"max_runs": 1}, **more}).problems
+        )
 
     assert [text.split(": ")[1].split()[0] for text in problems()] == ["design.reuse", "stop.max_runs"]
     for key, value in (("seed", -1), ("seed", "FILL_IN"), ("case", "FILL_IN")):
