@@ -12,7 +12,6 @@ from radcal.ground.patches import Spread, spreads
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
 from radcal.inference.pooled_laws import FittedLaw, LawFit, fit_law, fit_laws
 from radcal.laws import LAWS
-from radcal.speckle.texture import log_speckle_cumulants
 
 LAW = LAWS["mangia"]
 BOUNDS = [[-80.0, 10.0], [0.0, 60.0], [0.0, 60.0], [0.0, 20.0]]
@@ -76,18 +75,6 @@ def test_levels_and_their_derivatives():
     np.testing.assert_allclose(law.slopes(angle), wanted, rtol=1e-5)
     speckle = 10.0 / np.log(10.0) * (polygamma(0, 2.8) - np.log(2.8))
     np.testing.assert_allclose(law.levels_db(angle), LAW(phi, TRUTH) + speckle)
-
-
-def test_a_prior_pulls_and_looks_stay_inside():
-    wanted = log_speckle_cumulants(30.0)[1]
-    fit = fit_law(
-        lambda x, looks: np.array([x[0] - 1.0, log_speckle_cumulants(looks)[1] - wanted]),
-        [[-5.0, 5.0]],
-        4.0,
-        prior=lambda x, _: np.array([x[0] - 3.0]),
-    )
-    assert fit.parameters[0] == pytest.approx(2.0, abs=1e-4)
-    assert fit.looks == pytest.approx(4.4, rel=1e-3)
 
 
 def test_what_priors_say_is_told_from_what_the_data_say():

@@ -5,7 +5,6 @@ import pytest
 from calibration_samples import BOUNDS, TRUTH, make_material, make_target
 
 from radcal import skewnormal
-from radcal.inference.misfit import drawn
 from radcal.inference.moments import from_dp, to_dp
 from radcal.laws import LAWS
 from radcal.objectives.base import PredictedPoints
@@ -30,9 +29,9 @@ def density():
     return made()
 
 
-def points(statistics, slack=0.0):
+def points(statistics):
     rows = np.atleast_2d(statistics)[:, None]
-    return PredictedPoints(rows, np.tile(X, (len(rows), 1)), np.full(len(rows), 4.0), slack)
+    return PredictedPoints(rows, np.tile(X, (len(rows), 1)), np.full(len(rows), 4.0))
 
 
 def test_residuals_vanish_where_mean_spread_and_skewness_agree(density):
@@ -51,17 +50,6 @@ def test_cost_is_the_rms_of_the_densities_and_refined_residuals_have_it_as_their
     differences = density.refined(points(at))[0]
     largest = skewnormal.density(np.linspace(-60.0, 10.0, 5000), density.material.target.dp).max()
     assert np.sqrt(np.mean(differences**2)) * largest == pytest.approx(density.cost(points(at))[0], rel=1e-3)
-
-
-def test_slack_makes_differences_smaller(density):
-    assert drawn(np.array([3.0, -3.0, 0.1]), np.zeros(3), 0.5).tolist() == [2.5, -2.5, 0.0]
-    at = from_dp(density.material.target.dp)
-    slack = np.array([[[0.4, 0.0, 0.0]]])
-    lower = density.cost(points(at + [0.3, 0.0, 0.0]))[0]
-    assert density.cost(points(at + [0.7, 0.0, 0.0], slack))[0] == pytest.approx(lower, rel=1e-9)
-    assert density.cost(points(at - [0.7, 0.0, 0.0], slack))[0] == pytest.approx(
-        density.cost(points(at - [0.3, 0.0, 0.0]))[0], rel=1e-9
-    )
 
 
 @pytest.mark.parametrize("noise_db", [-np.inf, -22.0])

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from assessment_samples import LINE, LINE_X, NOTHING_SHOWN, held_cells, made_curve, made_image, made_posterior
+from assessment_samples import LINE, LINE_X, NOTHING_SHOWN, held_cells, made_image, made_posterior
 
 from radcal.errors import StoreError
 from radcal.posterior.curves import GRID_DEG
@@ -64,16 +64,6 @@ def test_curves_are_mean_power_of_fields_and_cells():
     half = draws.laws_db(LINE)[:, 4 * 30 + 2] - [float(LINE(np.radians(30.5), x)) for x in draws.parameters]
     np.testing.assert_allclose(half, draws.form_db[:, 30:32].mean(axis=1))
     assert draws.curves_db(LINE).shape == (5, GRID_DEG.size)
-
-
-def test_quantiles_at_the_middle_of_each_pass():
-    curve = made_curve(np.linspace(0.5, 1.5, 86))
-    found = made_posterior(curve=curve, seen_deg=np.array([[50.0, 60.0], [21.0, 44.0], [30.0, 35.0]])).middles_deg
-    assert found.tolist() == [32.5, 55.0]
-    half = np.interp(found, curve.incidence_deg, curve.half_width_db)
-    level = LINE(np.radians(found), LINE_X)
-    np.testing.assert_allclose(curve.at(found), [level - half, level, level + half])
-    assert curve.half_widths_over(40.0, 55.0)[[0, -1]] == pytest.approx([0.5 + 40.0 / 85.0, half[1]])
 
 
 def test_files(tmp_path):
