@@ -193,15 +193,6 @@ def test_parts_are_levels_and_spreads_and_sum_to_all(objective):
     np.testing.assert_allclose(likelihood.parts(points).sum(axis=1), (residuals**2).sum(axis=1), rtol=1e-9)
 
 
-def test_the_scale_is_that_of_the_measured_bins(objective):
-    """Means in it have the sampling's standard deviation, and that of the spread of fields."""
-    classes, spread = objective.bins.classes, objective.bins.spread
-    means = objective.scale[:, 0] ** 2 - classes.cumulants[:, 1] / classes.effective
-    assert objective.scale.shape == (3, 3)
-    assert (means >= 0.99 * spread.between**2).all()
-    assert (means < 1.01 * (spread.between**2 + spread.within**2)).all()
-
-
 def test_costs_as_good_as_the_smallest_are_promising(objectives):
     found = objectives["field"].promising(np.array([4.0, 4.025, 4.035, 4.99]), 5.0)
     assert found.tolist() == [True, True, False, False]
