@@ -27,9 +27,8 @@ _OPTIONS = """
 class Browser:
     """One page in a browser of its own; a context manager."""
 
-    def __init__(self, width=1280, height=900):
+    def __init__(self):
         assert CHROMIUM is not None
-        self.size = width, height
         self.events = []
         self._held = b""
         self._count = 0
@@ -53,7 +52,7 @@ class Browser:
         self._session = found["sessionId"]
         for domain in ("Page", "Network", "Runtime", "Log"):
             self.send(f"{domain}.enable")
-        self.resize(*self.size)
+        self.resize(1280, 900)
         return self
 
     def __exit__(self, *error):

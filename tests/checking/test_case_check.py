@@ -195,7 +195,6 @@ materials: {cropland: {calibrate: true}, tree_cover: {}}
 @pytest.mark.parametrize(
     ("old", "new", "said", "unseen"),
     [
-        ("EGM2008", "EGM2007", "scene.vertical_datum is 'EGM2007'", "geometry"),
         ("cropland:", "croplan:", "materials.croplan: not in the scene, which has", "geometry"),
         ("band: 1", "band: 5", "measurement.band is 5, image.tif has 2", "start image"),
         ("azimuth_spacing_m: 20", "azimuth_spacing_m: 2", "radar.azimuth_spacing_m is 2", "start image"),

@@ -71,12 +71,9 @@ def test_known_looks_are_not_searched(parts):
     target = targets["lake"]
     known = replace(target, classes=replace(target.classes, free_looks=False))
     objective = Bins(make_material(known, BOUNDS, MANGIA))
-    statistics = np.asarray(objective.baseline(np.array(TRUTH["lake"])))
-    looks, cost = objective.worth(TRUTH["lake"], statistics)
-    assert looks == 4.0
-    assert cost == pytest.approx(
-        objective.cost(PredictedPoints(statistics[None], np.array([TRUTH["lake"]]), np.array([4.0])))[0]
-    )
+    statistics = objective.baseline(np.array(TRUTH["lake"]))
+    points = PredictedPoints(statistics[None], np.array([TRUTH["lake"]]), np.array([4.0]))
+    assert objective.worth(TRUTH["lake"], statistics) == (4.0, objective.cost(points)[0])
     assert not objective.free_looks
 
 

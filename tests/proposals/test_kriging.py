@@ -132,28 +132,26 @@ def test_of_several_maxima_the_largest_posterior_is_taken(seed, n):
     assert minima.max() > minima.min() + 5.0
 
 
-def test_many_points_predict_a_smooth_output_better_than_a_nugget_of_few_allows():
-    rng = np.random.default_rng(5)
+def trained(output, seed):
+    """Nugget of 420 points, and rms of the errors at unseen points."""
+    rng = np.random.default_rng(seed)
     x, unseen = rng.random((420, 4)), rng.random((300, 4))
-
-    def output(u):
-        return np.exp(-u @ [1.0, 0.5, 0.3, 0.2])[:, None]
-
     scales, nugget = train(x, output(x))
-    assert nugget < JITTER
     error = Kriging(x, output(x), scales, nugget).mean(unseen) - output(unseen)
-    assert np.sqrt(np.mean(error**2)) < 1.5e-6  # 6.7e-7; 8.9e-6 with the nugget of few points
+    return nugget, np.sqrt(np.mean(error**2))
+
+
+def test_many_points_predict_a_smooth_output_better_than_a_nugget_of_few_allows():
+    nugget, error = trained(lambda u: np.exp(-u @ [1.0, 0.5, 0.3, 0.2])[:, None], 5)
+    assert nugget < JITTER
+    assert error < 1.5e-6  # 6.7e-7; 8.9e-6 with the nugget of few points
 
 
 @pytest.mark.parametrize("longest", [(50.0, 5.0), (5.0, 50.0)])
 def test_leave_one_out_errors_choose_the_longest_scale_of_many_points(longest, monkeypatch):
     monkeypatch.setattr(kriging, "_LONGEST", longest)
-    rng = np.random.default_rng(3)
-    x, unseen = rng.random((420, 4)), rng.random((300, 4))
 
     def output(u):
         return (50.0 * u[:, 0] + 40.0 * u[:, 1] + 50.0 * u[:, 2] * np.exp(-15.0 * u[:, 3]))[:, None]
 
-    scales, nugget = train(x, output(x))
-    error = Kriging(x, output(x), scales, nugget).mean(unseen) - output(unseen)
-    assert np.sqrt(np.mean(error**2)) < 9e-3  # 4.9e-3; 1.9e-2 with scales of at most 5
+    assert trained(output, 3)[1] < 9e-3  # 4.9e-3; 1.9e-2 with scales of at most 5
