@@ -7,7 +7,15 @@ from registration_samples import displaced, speckled
 from scipy.stats import rankdata
 from threadpoolctl import threadpool_limits
 
-from radcal.registration.gefolki import Level, _step, find_flow, local_correlation, pyramid, rank_transform
+from radcal.registration.gefolki import (
+    Level,
+    _step,
+    _whole_ranks,
+    find_flow,
+    local_correlation,
+    pyramid,
+    rank_transform,
+)
 from radcal.registration.spline_field import Prior
 
 SHAPE = (240, 260)
@@ -91,6 +99,16 @@ def test_rank_transform_is_the_rank_in_the_window():
     assert found == pytest.approx(expected, abs=0.03)
     assert rank_transform(image)[2, 3] == 0.0
     np.testing.assert_array_equal(rank_transform(np.full((9, 9), np.nan, dtype=np.float32)), 0.0)
+
+
+def test_equal_values_share_their_rank_in_the_whole_image_and_gaps_have_that_of_a_neighbour():
+    image = np.random.default_rng(0).integers(0, 50, (20, 30)).astype(np.float32)
+    image[4, 5] = np.nan
+    there = np.isfinite(image)
+    found = _whole_ranks(image)
+    np.testing.assert_allclose(found[there], (2.0 * rankdata(image[there]) - 1.0) / there.sum() - 1.0, atol=1e-6)
+    assert found[4, 5] in (found[3, 5], found[5, 5], found[4, 4], found[4, 6])
+    np.testing.assert_array_equal(_whole_ranks(np.full((9, 9), np.nan, dtype=np.float32)), 0.0)
 
 
 def test_local_correlation_is_that_of_numpy_in_a_window():

@@ -5,7 +5,7 @@ field by Gauss-Newton steps from coarse to fine scales (Plyer, Colin-Koeniguer a
 algorithm for recent applications on urban SAR images", IEEE GRSL 12 (2015); Brigot et al., "Adaptation and evaluation
 of an optical flow method applied to coregistration of forest remote sensing images", IEEE JSTARS 9 (2016)).
 
-This module differs from the two papers on GeFolki in two points. First, the papers solve for the displacement of each
+This module differs from the two papers on GeFolki in three points. First, the papers solve for the displacement of each
 pixel from windows that shrink from step to step. In speckle, most of the gradient in a window is noise, and the best
 size of the window depends on the smoothness of the displacement, which is not known beforehand. This module therefore
 estimates one displacement field for the whole image, with a Gaussian process as prior. The standard deviation and the
@@ -14,7 +14,10 @@ correlation length of the prior are those under which the images are most probab
 images. This module weights each pixel by the likelihood of two images with the observed local correlation, which may be
 positive or negative. With this weight, homogeneous ground, where both images hold only speckle, adds no noise. In the
 last steps, spatial frequencies are weighted by their coherence, so that frequencies that hold only speckle add no
-noise, either. ``benchmarks/registration.py`` measures the accuracy of the displacement field.
+noise, either. Third, the papers rank a pixel within a window, which removes contrasts that are wider than the window.
+This module ranks it within the whole image. Mean and variance of the ranks in a window are unknown quantities of the
+likelihood, so that two images whose levels or contrasts differ locally still agree. ``benchmarks/registration.py``
+measures the accuracy of the displacement field.
 """
 
 from __future__ import annotations
@@ -74,6 +77,18 @@ def rank_transform(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.where(valid, rank, 0.0).astype(np.float32)
 
 
+def _whole_ranks(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Rank of each value in the whole image, from -1 to 1; a pixel without a value gets the rank of the nearest one."""
+    valid = np.isfinite(image_db)
+    ranks = np.zeros(image_db.shape, dtype=np.float32)
+    if not valid.any():
+        return ranks
+    _, place, count = np.unique(image_db[valid], return_inverse=True, return_counts=True)
+    ranks[valid] = ((2 * np.cumsum(count) - count) / place.size - 1.0)[place]
+    nearest = scipy.ndimage.distance_transform_edt(~valid, return_distances=False, return_indices=True)
+    return np.asarray(ranks[tuple(nearest)])
+
+
 def _halved(image_db: NDArray[np.float32]) -> NDArray[np.float32]:
     """Image of half the size, with the mean of the valid pixels in each square of 2 x 2 pixels."""
     blocks = squares(image_db, 2)
@@ -114,14 +129,14 @@ def _cell_sums(values: NDArray[np.float64], size: int = CELL_PX) -> NDArray[np.f
 
 @dataclass(frozen=True)
 class Level:
-    """Rank transforms of two images at one scale.
+    """Two images at one scale.
 
     Attributes
     ----------
     scale : int
         Side of a pixel of this level in pixels of the full image.
     fixed, moving : ndarray of float32, shape (rows, columns)
-        Rank transforms.
+        Ranks in the whole image.
     weight, there : ndarray of float32, shape (rows, columns)
         ``weight`` is 1 where the fixed image has a value, and ``there`` is 1 where the moving image has a value; both
         are 0 elsewhere.
@@ -159,7 +174,7 @@ class Flow:
 
 
 def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> list[Level]:
-    """Rank transforms of two images at all scales, the finest scale first.
+    """Ranks of two images at all scales, the finest scale first.
 
     Parameters
     ----------
@@ -168,7 +183,7 @@ def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> li
     """
     levels: list[Level] = []
     while True:
-        ranks = (rank_transform(image) for image in (fixed_db, moving_db))
+        ranks = (_whole_ranks(image) for image in (fixed_db, moving_db))
         there = (np.isfinite(image).astype(np.float32) for image in (fixed_db, moving_db))
         levels.append(Level(2 ** len(levels), *ranks, *there))
         if len(levels) == _LEVELS or min(fixed_db.shape) < 2 * _COARSEST_PX:
@@ -178,25 +193,25 @@ def pyramid(fixed_db: NDArray[np.float32], moving_db: NDArray[np.float32]) -> li
 
 def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]:
     """Gauss-Newton normal equations of each cell: three entries of the matrix and two of the right-hand side."""
-    fixed = level.fixed
-    at = np.indices(fixed.shape, dtype=np.float64) + field
+    at = np.indices(level.fixed.shape, dtype=np.float64) + field
     moved = scipy.ndimage.map_coordinates(level.moving, at, order=1, mode="nearest")
+    fixed, moved = (image - scipy.ndimage.uniform_filter(image, _WINDOW_PX) for image in (level.fixed, moved))
     seen = scipy.ndimage.map_coordinates(level.there, at, order=1, mode="constant", cval=0.0)
     weight = np.where(seen > 0.99, level.weight, 0.0)
-    # likelihood of two images with local correlation r: noise in both has no weight, and a negative r (inverse
-    # contrast) reverses the sign
+    # likelihood of two images with local correlation r and unknown local means and variances: noise in both has no
+    # weight, and a negative r (inverse contrast) reverses the sign
     r = np.clip(local_correlation(fixed, moved), -_HIGHEST, _HIGHEST)
     sign, r = np.where(r < 0.0, -1.0, 1.0), np.abs(r)
-    weight = weight * r / (1.0 - r**2)
+    variances = (scipy.ndimage.uniform_filter(image**2, _WINDOW_PX) for image in (fixed, moved))
+    weight = weight * r / (1.0 - r**2) / np.sqrt(np.maximum(next(variances) * next(variances), 1e-12))
     difference = weight * (fixed - sign * moved)
     # the mean of both gradients: second-order accurate (Malis, "Improving vision-based control", 2004)
     along, across = (0.5 * (a + sign * b) for a, b in zip(np.gradient(fixed), np.gradient(moved), strict=True))
-    noise = float(0.5 * (fixed.var() + moved.var()))
     # the share r of both images' gradients is common; the rest is noise without curvature
     curved = weight * np.maximum(r, _SHARED)
     products = (curved * along**2, curved * along * across, curved * across**2, along * difference, across * difference)
     # in pixels of the full image, a step is larger and a gradient is smaller by the factor ``scale``
-    units = (noise * level.scale**power + 1e-12 for power in (2, 2, 2, 1, 1))
+    units = (level.scale**power for power in (2, 2, 2, 1, 1))
     return [_cell_sums(product.astype(np.float64)) / unit for product, unit in zip(products, units, strict=True)]
 
 

@@ -16,7 +16,7 @@ from radcal.findings import Finding
 from radcal.image.model import Measurement
 from radcal.registration.base import Method
 from radcal.registration.displacement import squares, warp
-from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid
+from radcal.registration.gefolki import Flow, Level, find_flow, local_correlation, pyramid, rank_transform
 from radcal.registration.spline_field import Prior
 from radcal.sections.measurement import REGISTRATIONS
 from radcal.storage.records import Stored
@@ -31,6 +31,8 @@ LEAST_CONTRAST_DB = 0.3
 """Smallest contrast of a simulated image onto which a measured image can be registered [dB]."""
 _FITS = 3.0  # an image is called mirrored if a mirrored version has more than this many times its correlation
 _MIRRORED = 1.5  # times the correlation of mirrored images, which is due to chance
+
+Ranks = tuple[NDArray[np.float32], NDArray[np.float32]]
 
 
 @dataclass(frozen=True)
@@ -166,7 +168,7 @@ def register(
             f"expected at least {_SMALLEST_PX} in both directions: set registration.method: none."
         )
     levels = pyramid(fixed_db, moving_db)
-    ranks = levels[0].fixed, levels[0].moving
+    ranks = rank_transform(fixed_db), rank_transform(moving_db)
     start = None
     if config.global_shift:
         from skimage.registration import phase_cross_correlation
@@ -190,7 +192,7 @@ def register(
     correlation = after if raised and furthest <= config.max_displacement_px else before
     found_out = f"{found}, standard error {_standard_error(after):.3f}"
     if not same_area:
-        _check_agreement(source, levels, flow, correlation, found_out, contrast_db(fixed_db))
+        _check_agreement(ranks, levels, flow, correlation, source, found_out, contrast_db(fixed_db))
     if furthest > config.max_displacement_px or not raised:
         why = (
             f"the registration would move {source} by up to {furthest:.1f} pixels, more than "
@@ -251,11 +253,17 @@ def register_again(image_db: NDArray[np.float32], first: Registered, config: Reg
 
 
 def _check_agreement(
-    source: str, levels: list[Level], flow: Flow, correlation: NDArray[np.float64], found: str, contrast: float
+    ranks: Ranks,
+    levels: list[Level],
+    flow: Flow,
+    correlation: NDArray[np.float64],
+    source: str,
+    found: str,
+    contrast: float,
 ) -> None:
     """Raise an error if the correlation is not significant, or not clearly above the correlation of mirrored images."""
-    common = _common((levels[0].fixed, levels[0].moving), flow.displacement_px)
-    mirrored = _mirrored(levels, flow.posterior.prior)
+    common = _common(ranks, flow.displacement_px)
+    mirrored = _mirrored(ranks, levels, flow.posterior.prior)
     best = max(mirrored, key=lambda name: mirrored[name])
     if _z(correlation) < _SIGNIFICANT or common < _MIRRORED * mirrored[best]:
         fits = mirrored[best] > _FITS * common
@@ -297,9 +305,7 @@ def _square(shape: tuple[int, ...]) -> int:
 
 
 def _held_out(
-    ranks: tuple[NDArray[np.float32], NDArray[np.float32]],
-    fields: tuple[NDArray[np.float64], NDArray[np.float64]],
-    chequered: NDArray[np.bool_],
+    ranks: Ranks, fields: tuple[NDArray[np.float64], NDArray[np.float64]], chequered: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """Correlation of both images in each square, with the field found from the squares of the other colour."""
     fixed, moving = ranks
@@ -322,13 +328,13 @@ def _z(values: NDArray[np.float64]) -> float:
     return float(values.mean() / (_standard_error(values) + 1e-12))
 
 
-def _common(ranks: tuple[NDArray[np.float32], NDArray[np.float32]], field: NDArray[np.float64]) -> float:
+def _common(ranks: Ranks, field: NDArray[np.float64]) -> float:
     """Mean absolute local correlation of the fixed image and the moving image displaced by a field."""
     moved = np.nan_to_num(warp(ranks[1], field))
     return float(np.abs(local_correlation(ranks[0], moved, _SIGN_WINDOW_PX)).mean())
 
 
-def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
+def _mirrored(ranks: Ranks, levels: list[Level], prior: Prior) -> dict[str, float]:
     """Correlation with mirrored moving images, which is due to chance unless the measured image is mirrored itself."""
     as_it_is, turned = slice(None), slice(None, None, -1)
     found = {}
@@ -338,7 +344,7 @@ def _mirrored(levels: list[Level], prior: Prior) -> dict[str, float]:
         "turned by 180 degrees.": (turned, turned),
     }.items():
         images = [level.mirrored(along, across) for level in levels]
-        found[name] = _common((images[0].fixed, images[0].moving), find_flow(images, prior=prior).displacement_px)
+        found[name] = _common((ranks[0], ranks[1][along, across]), find_flow(images, prior=prior).displacement_px)
     return found
 
 
