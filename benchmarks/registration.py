@@ -11,7 +11,7 @@ end-point error without the outer 40 pixels; the table gives the median over 8 d
 constants of ``radcal.registration.gefolki`` were chosen on draws of even seeds (``--tune``); the results are for odd
 seeds. Column ``ratio`` is the geometric mean over the draws of radcal's error, divided by that of the method.
 
-scikit-image's methods receive the images in dB; its ILK method is also tried with the rank transforms that radcal uses,
+scikit-image's methods receive the images in dB; its ILK method is also tried with ranks in windows of 33 pixels,
 and with its flow smoothed by a Gaussian filter (``ilk_24_smooth_10``: radius 24, sigma 10 pixels), whose sigmas were
 chosen on even seeds.
 The environment variable ``GEFOLKI`` names the folder ``python`` of the programs by GeFolki's authors
