@@ -27,7 +27,7 @@ from searches import READINGS, Results, Row, calibrated, quartiles, runs_to
 
 MOST = 400
 SEARCHES: dict[str, tuple[dict[str, Any], tuple[int, ...], int]] = {
-    "baseline": (RADCAL["radcal_default"], (0, 2, 4, 8, 16, 32, 64, 128, 256), 20),
+    "baseline": (RADCAL["radcal"], (0, 2, 4, 8, 16, 32, 64, 128, 256), 20),
     "black_box": (RADCAL["radcal_black_box"], (4, 8, 16, 32, 64, 128, 256), 20),
     "published": (RADCAL["paper"], (8, 32, 128, 256, 800), 5),
 }

@@ -29,9 +29,8 @@ from peers import PEERS
 from searches import READINGS, Results, Row, calibrated, quartiles, runs_to
 
 RADCAL: dict[str, dict[str, Any]] = {
-    "radcal": {"design": {"size": 0}},  # the fewest runs
-    "radcal_default": {},
-    "radcal_2": {"design": {"size": 0}, "infill": {"batch": 2}},
+    "radcal": {},
+    "radcal_2": {"infill": {"batch": 2}},
     "radcal_black_box": {"surrogate": {"baseline": False}},
     "radcal_black_box_2": {"surrogate": {"baseline": False}, "infill": {"batch": 2}},
     "paper": {
@@ -57,7 +56,7 @@ def main() -> None:
     parser.add_argument("--quick", action="store_true", help="2 reachable targets, and a results file of their own")
     parser.add_argument(
         "--methods",
-        default="radcal,radcal_default,radcal_black_box",
+        default="radcal,radcal_black_box",
         help="comma-separated, of: " + ", ".join([*RADCAL, *PEERS]),
     )
     parser.add_argument("--targets", default=",".join(TARGETS), help="comma-separated, of: " + ", ".join(TARGETS))
