@@ -1,10 +1,10 @@
 """Number of runs until the stop criterion of ``objective: classes`` is met, and the cost that the stop leaves.
 
-    python benchmarks/classes_runs.py [--quick] [--first 0] [--other 24] [--workflow 5] [--cases FOLDER]
+    python benchmarks/classes_runs.py [--quick] [--design 0] [--first 0] [--other 24] [--workflow 5] [--cases FOLDER]
 
 Hidden X of the published dyke are drawn uniformly in the bounds; each measured image has its own speckle. The first
-table is for the search without a design: its runs, its law error and its cost (half the sum of squared residuals) at
-the stop, and the lowest cost of its runs after three more runs.
+table is for the search without a design (or with one, ``--design 2``): its runs, its law error and its cost (half the
+sum of squared residuals) at the stop, and the lowest cost of its runs after three more runs.
 
 The second table is for another surrogate, whose length scales the library smt estimates, and which starts with a design
 of 2, because smt needs two points. This search also goes on for three runs after its stop. The gap is the cost at the
@@ -54,6 +54,7 @@ def main() -> None:
     """Print two tables with a line per hidden X and, last, the summary as JSON."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="2 hidden X in place of 24")
+    parser.add_argument("--design", type=int, default=0, help="runs of the design of the first search")
     parser.add_argument("--first", type=int, default=0, help="number of the first hidden X")
     parser.add_argument("--other", type=int, default=COUNT, help="number of hidden X for the other surrogate")
     parser.add_argument("--workflow", type=int, default=0, help="number of hidden X that the workflow calibrates, too")
@@ -66,7 +67,7 @@ def main() -> None:
         cases.mkdir(parents=True, exist_ok=True)
         bench = Bench(cases)
         paths = [
-            bench.speckled(f"classes_{number}", truth, 100 + number, {"design": {"size": 0}})
+            bench.speckled(f"classes_{number}", truth, 100 + number, {"design": {"size": arguments.design}})
             for number, truth in enumerate(truths, start=first)
         ]
         rows = []
@@ -104,7 +105,7 @@ def searched(bench: Bench, case: Case, truth: list[float]) -> dict[str, Any]:
         best, seen = history.best("dyke"), targets["dyke"].incidence_deg
         return {
             "ended": decision.reason,
-            "runs": history.count("infill"),
+            "runs": history.count("design") + history.count("infill"),
             "law_error_db": case.laws["dyke"].largest_difference_db(best.parameters, truth, seen),
             "stop": best,
             "further": lowest(continued(case, runner, targets, history)),
