@@ -371,6 +371,8 @@ def test_densities_of_a_histogram_are_those_of_design_runs(made):
     found = [np.average(line.get_xdata(), weights=line.get_ydata()) for line in curves]
     dp = [run.scores["dyke"].dp for run in made.history.runs if run.kind == "design"]
     np.testing.assert_allclose(found, [skewnormal.centred(one)[0] for one in dp], atol=0.02)
+    kinds = np.where(made.archive.runs.kind == "design", "infill", made.archive.runs.kind)
+    assert module.histogram(replace(made.archive, runs=replace(made.archive.runs, kind=kinds)), "dyke") is None
 
 
 def test_quantiles_and_their_band_are_scipys(made):

@@ -66,12 +66,13 @@ def _density(dp: Array) -> tuple[Array, Array]:
     return grid, skewnormal.density(grid, dp)
 
 
-def histogram(case: Archive, name: str) -> Drawn:
-    """Figure of the histogram of the measured pixels, the target density, and the densities of some design runs."""
-    material = case.materials[name]
+def histogram(case: Archive, name: str) -> Drawn | None:
+    """Histogram of the measured pixels, target density, and densities of some design runs; None without a design."""
+    material, design = case.materials[name], np.flatnonzero(case.runs.kind == "design")
+    if not design.size:
+        return None
     canvas = new_canvas(6.2, 4.2)
     axes = canvas.subplots()
-    design = np.flatnonzero(case.runs.kind == "design")
     chosen = np.sort(np.random.default_rng(_SEED).choice(design, size=min(10, design.size), replace=False))
     thin = {"color": drawing.DESIGN, "linewidth": 1.1, "alpha": 0.9}
     labels = [f"{chosen.size} runs of the design", *[None] * 9]
