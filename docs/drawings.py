@@ -152,8 +152,8 @@ def levels() -> None:
 def cost() -> None:
     """Time of a calibration over the time of one run; parts of the default case."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(7, 3.4), layout="constrained", width_ratios=(1, 1.1))
-    parts = (("scene, geometry,\nreference run", 47), ("registration,\ntwice; target", 86), ("search: four runs", 43),
-             ("final runs", 30), ("posterior, report", 59))  # fmt: skip
+    parts = (("scene, geometry,\nreference run", 21), ("registration,\ntwice; target", 32), ("search: three runs", 14),
+             ("final runs", 3), ("posterior, report", 21))  # fmt: skip
     seconds = np.array([length for _, length in parts])
     left.barh(range(5), seconds, left=np.cumsum(seconds) - seconds, color=[GREY, GREY, BLUE, BLUE, GREY])
     left.set(
@@ -162,8 +162,8 @@ def cost() -> None:
     left.invert_yaxis()
     run = np.logspace(0, 4, 50)
     for n, colour, name in ((970, ORANGE, "970 runs: the published example"), (20, GREY, "20: law unknown to radcal"),
-                            (7, BLUE, "7: default case")):  # fmt: skip
-        right.loglog(run, (n * run + 260.0) / 3600.0, color=colour, lw=2, label=name)
+                            (6, BLUE, "6: default case")):  # fmt: skip
+        right.loglog(run, (n * run + 90.0) / 3600.0, color=colour, lw=2, label=name)
     right.axvline(420, color="black", lw=0.8, ls=":")
     right.text(460, 0.015, "7 min a run", fontsize=9)
     right.set(xlabel="seconds a run", ylabel="hours in all", title="Any simulator", ylim=(0.01, 1e5))

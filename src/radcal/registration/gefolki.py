@@ -202,8 +202,8 @@ def _step(level: Level, field: NDArray[np.float64]) -> list[NDArray[np.float64]]
     # weight, and a negative r (inverse contrast) reverses the sign
     r = np.clip(local_correlation(fixed, moved), -_HIGHEST, _HIGHEST)
     sign, r = np.where(r < 0.0, -1.0, 1.0), np.abs(r)
-    variances = (scipy.ndimage.uniform_filter(image**2, _WINDOW_PX) for image in (fixed, moved))
-    weight = weight * r / (1.0 - r**2) / np.sqrt(np.maximum(next(variances) * next(variances), 1e-12))
+    variance, of_moved = (scipy.ndimage.uniform_filter(image**2, _WINDOW_PX) for image in (fixed, moved))
+    weight = weight * r / (1.0 - r**2) / np.sqrt(np.maximum(variance * of_moved, 1e-12))
     difference = weight * (fixed - sign * moved)
     # the mean of both gradients: second-order accurate (Malis, "Improving vision-based control", 2004)
     along, across = (0.5 * (a + sign * b) for a, b in zip(np.gradient(fixed), np.gradient(moved), strict=True))
