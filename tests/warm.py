@@ -34,7 +34,7 @@ SCRIPTS = HERE.parent / "workflow" / "scripts"
 LATE = (
     "emcee", "h5py", "jinja2", "matplotlib.backends.backend_agg", "matplotlib.backends.backend_pdf",
     "matplotlib.figure", "numba", "platypus", "radcal.assessment.model", "rasterio", "scipy.interpolate",
-    "scipy.optimize", "scipy.stats", "sklearn.mixture", "snakemake.cli", "snakemake.script",
+    "scipy.optimize", "scipy.stats", "snakemake.cli", "snakemake.script",
 )  # fmt: skip
 
 

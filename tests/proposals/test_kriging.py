@@ -1,4 +1,4 @@
-"""Kriging of several outputs, against smt, scikit-learn and the formulas written out."""
+"""Kriging of several outputs, against smt and the formulas written out."""
 
 import numpy as np
 import pytest

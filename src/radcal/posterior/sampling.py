@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
 
 Doubles = NDArray[np.float64]
@@ -21,6 +22,7 @@ _POWERS = (0.003, 0.01, 0.03, 0.1, 0.3)  # exponents of the likelihood in the st
 _WARM_UP = 40  # steps of each stage
 _FITTED = (100, 200)  # steps before each fit of the mixture, of which the first half is dropped
 _COMPONENTS, _WIDENED = 12, 2.0  # number of components of the mixture, and factor on their covariances
+_LEAST_VARIANCE = 1e-4  # added to the variances of a component
 _DROPPED = 0.125  # share of the steps after the last fit that is dropped at the start
 _CHUNK = 250  # steps between two tests of convergence
 _DRAWS = 4000  # kept
@@ -76,9 +78,9 @@ def sample(log_prior: LogDensity, log_likelihood: LogDensity, start: Doubles, st
 
     The walkers start dispersed over the prior. The exponent of the likelihood grows to 1 in stages, so that walkers
     reach all modes of notable probability. A walker moves by the difference of two other walkers (ter Braak 2006), by a
-    stretch, or to a point of a normal mixture, which is fitted twice to earlier steps. The normal mixture is
-    needed because the parameters of a law often lie in a thin bent region, in which differences of distant walkers are
-    seldom accepted. The sample is taken from the steps after the last fit, without their first eighth. No stage before
+    stretch, or to a point of a normal mixture, fitted twice to clusters of earlier steps. The mixture is needed
+    because the parameters of a law often lie in a thin bent region, in which differences of distant walkers are seldom
+    accepted. The sample is taken from the steps after the last fit, without their first eighth. No stage before
     the last fit is longer than a fifth of ``steps``.
 
     Parameters
@@ -145,41 +147,41 @@ def mixed(chances: Sequence[float], sizes: Sequence[int]) -> list[NDArray[np.int
 
 
 def _mixture_move(points: Doubles, seed: int) -> Any:
-    """Move whose proposals are drawn from a normal mixture fitted to points, shape (k, d)."""
+    """Move whose proposals are drawn from a normal mixture: a normal density for each cluster of points, (k, d)."""
     from emcee.moves import RedBlueMove
-    from sklearn.mixture import GaussianMixture
 
     class MixtureMove(RedBlueMove):  # type: ignore[misc]
         """Metropolis-Hastings move to a point that does not depend on the position of the walker."""
 
         def get_proposal(self, sample: Doubles, complement: Any, random: Any) -> tuple[Doubles, Doubles]:  # noqa: ARG002
-            place = random.choice(len(roots), size=len(sample), p=fitted.weights_)
+            place = random.choice(len(roots), size=len(sample), p=weights)
             steps = (roots[place] @ random.standard_normal(sample.shape)[..., None])[..., 0]
-            proposed = fitted.means_[place] + steps
+            proposed = means[place] + steps
             before, after = density(np.concatenate([sample, proposed])).reshape(2, -1)
             return proposed, before - after
 
     def density(at: Doubles) -> Doubles:
         """Log density of the mixture up to a constant; one product of matrices in place of one for each component."""
-        away = (at @ across - shifts).reshape(len(at), *fitted.means_.shape)
+        away = (at @ across - shifts).reshape(len(at), *means.shape)
         each = levels - 0.5 * (away**2).sum(axis=2)
         most = each.max(axis=1)
         return np.asarray(most + np.log(np.exp(each - most[:, None]).sum(axis=1)))
 
-    # k-means++ takes some of the points as first centres; unlike k-means, it has no sums over threads
-    fitted = GaussianMixture(
-        _COMPONENTS, random_state=seed % 2**32, init_params="k-means++", reg_covar=1e-4, tol=1e-2, max_iter=50
-    )
+    points = points[:: max(1, len(points) // _DRAWS)]
+    spread = points.std(axis=0)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # a mixture that has not converged gives valid proposals, too
-        fitted.fit(points[:: max(1, len(points) // _DRAWS)])
-    fitted.covariances_ *= _WIDENED
-    fitted.precisions_cholesky_ /= np.sqrt(_WIDENED)
-    roots = np.linalg.cholesky(fitted.covariances_)
-    precise = fitted.precisions_cholesky_
-    levels = np.log(fitted.weights_) + np.log(np.diagonal(precise, axis1=1, axis2=2)).sum(axis=1)
+        warnings.simplefilter("ignore")  # a cluster may be empty
+        alike = points / np.where(spread > 0.0, spread, 1.0)
+        _, label = scipy.cluster.vq.kmeans2(alike, _COMPONENTS, minit="++", rng=seed)
+    parts = [points[label == k] for k in np.unique(label)]
+    means = np.array([part.mean(axis=0) for part in parts])
+    covariances = [np.atleast_2d(np.cov(part, rowvar=False, bias=True)) for part in parts]
+    roots = np.linalg.cholesky(_WIDENED * (np.array(covariances) + _LEAST_VARIANCE * np.eye(len(spread))))
+    precise = np.swapaxes(np.linalg.inv(roots), 1, 2)
+    weights = np.array([len(part) for part in parts]) / len(points)
+    levels = np.log(weights) + np.log(np.diagonal(precise, axis1=1, axis2=2)).sum(axis=1)
     across = np.concatenate(list(precise), axis=1)
-    shifts = np.einsum("kd,kde->ke", fitted.means_, precise).ravel()
+    shifts = np.einsum("kd,kde->ke", means, precise).ravel()
     return MixtureMove()
 
 
