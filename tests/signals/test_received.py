@@ -250,6 +250,7 @@ def test_a_part_of_the_image_has_the_pixels_of_the_whole(tmp_path):
     ("name", "value", "told"),
     [
         ("FX1", np.nan, r"\(FX1 is no number in some vectors\)"),
+        ("AmpSF", 0.0, "AmpSF of channel 'VV' is 0 in a vector, expected more than 0"),
         ("SIGNAL", 0, "has 0 pulses with a signal, expected 2 or more"),
         (
             "SC0",

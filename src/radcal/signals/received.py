@@ -183,6 +183,8 @@ def _read(path: Path, channel: str | None) -> Received:
     for name, values in [("AmpSF", scale), *((name, vectors[name]) for name in _VECTOR)]:
         if not np.isfinite(values).all():
             raise ValueError(f"{name} is no number in some vectors")
+    if scale.min() <= 0.0:
+        raise ConfigError(f"{path}: AmpSF of channel {asked!r} is {scale.min():g} in a vector, expected more than 0.")
     low, high = float(vectors["FX1"].max()), float(vectors["FX2"].min())
     steps, start = vectors["SCSS"], vectors["SC0"]
     if (domain := _of(helper, "{*}Global/{*}DomainType")) not in ("FX", "TOA"):
