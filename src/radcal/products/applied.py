@@ -46,6 +46,10 @@ COLUMNS = (
     "pass", "material", "incidence_from_deg", "incidence_to_deg", "incidence_deg", "pixels", "known", "predicted_db",
     "p05_db", "p95_db", "measured_db", "inside",
 )  # fmt: skip
+_PREDICTOR = (
+    "Each prediction is the average of that by the law and that by a constant sigma0. On other ground, this average is "
+    "seldom worse than the constant; where sigma0 changes by many decibels, the law alone errs less."
+)
 
 
 @dataclass(frozen=True)
@@ -373,7 +377,7 @@ def apply(folder: str | Path, other: Part, measured: Case | None, out: str | Pat
     files += [out / "predictions.csv", out / "predictions.png"]
     write_csv(files[-2], COLUMNS, map(_cells, rows))
     draw_predictions(files[-1], [row for _, row in rows], archive.configured.case, other.case)
-    return [*_table(rows, len(passes) > 1), *lines, *remarks, *_conclusion(rows), *map(str, files)]
+    return [*_table(rows, len(passes) > 1), _PREDICTOR, *lines, *remarks, *_conclusion(rows), *map(str, files)]
 
 
 def _is_level_known(material: MaterialResult, angle_deg: float) -> bool:
