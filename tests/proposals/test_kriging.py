@@ -132,26 +132,55 @@ def test_of_several_maxima_the_largest_posterior_is_taken(seed, n):
     assert minima.max() > minima.min() + 5.0
 
 
-def trained(output, seed):
-    """Nugget of 420 points, and rms of the errors at unseen points."""
+def trained(output, seed=3):
+    """Kriging of 420 points, its nugget, and rms of its errors at unseen points."""
     rng = np.random.default_rng(seed)
     x, unseen = rng.random((420, 4)), rng.random((300, 4))
     scales, nugget = train(x, output(x))
-    error = Kriging(x, output(x), scales, nugget).mean(unseen) - output(unseen)
-    return nugget, np.sqrt(np.mean(error**2))
+    model = Kriging(x, output(x), scales, nugget)
+    return model, nugget, np.sqrt(np.mean((model.mean(unseen) - output(unseen)) ** 2))
+
+
+def smooth(u):
+    return np.exp(-u @ [1.0, 0.5, 0.3, 0.2])[:, None]
 
 
 def test_many_points_predict_a_smooth_output_better_than_a_nugget_of_few_allows():
-    nugget, error = trained(lambda u: np.exp(-u @ [1.0, 0.5, 0.3, 0.2])[:, None], 5)
+    _, nugget, error = trained(smooth, 5)
     assert nugget < JITTER
-    assert error < 1.5e-6  # 6.7e-7; 8.9e-6 with the nugget of few points
+    assert error < 1.5e-6  # 8.9e-6 with the nugget of few points
 
 
-@pytest.mark.parametrize("longest", [(50.0, 5.0), (5.0, 50.0)])
-def test_leave_one_out_errors_choose_the_longest_scale_of_many_points(longest, monkeypatch):
-    monkeypatch.setattr(kriging, "_LONGEST", longest)
+def test_a_nugget_against_rounding_alone_does_not_smooth(monkeypatch):
+    """The prediction at the points themselves is nearer to the outputs, that elsewhere to the function."""
+    rng = np.random.default_rng(6)
+    x, new, given = rng.random((410, 4)), rng.random((40, 4)), ([0.9, 1.7, 2.8, 4.1], 1e-11)
+    refined = Kriging(x, smooth(x), *given)
+    monkeypatch.setattr(kriging, "_REFINEMENTS", 0)
+    plain = Kriging(x, smooth(x), *given)
+    for points, most in ((x, 0.6), (new, 0.85)):
+        ours, theirs = (np.sqrt(np.mean((one.mean(points) - smooth(points)) ** 2)) for one in (refined, plain))
+        assert ours < most * theirs
 
-    def output(u):
-        return (50.0 * u[:, 0] + 40.0 * u[:, 1] + 50.0 * u[:, 2] * np.exp(-15.0 * u[:, 3]))[:, None]
 
-    assert trained(output, 3)[1] < 9e-3  # 4.9e-3; 1.9e-2 with scales of at most 5
+def test_many_points_tell_a_rough_output_from_a_smooth_one():
+    """Waves so short that they are noise for the points: their variance is nugget times variance of the process."""
+    model, nugget, error = trained(
+        lambda u: (np.sin(3.0 * u[:, 0]) + u[:, 1] ** 2 + 0.01 * np.sqrt(2.0) * np.sin(4e4 * u[:, 2]))[:, None]
+    )
+    assert [np.sqrt(nugget * model.process), error] == pytest.approx([0.01, 0.01], rel=0.15)
+
+
+def test_many_points_of_a_nearly_linear_output_have_long_scales():
+    _, _, error = trained(
+        lambda u: (50.0 * u[:, 0] + 40.0 * u[:, 1] + 50.0 * u[:, 2] * np.exp(-15.0 * u[:, 3]))[:, None]
+    )
+    assert error < 9e-3  # 1.9e-2 with scales of at most 5
+
+
+def test_a_nugget_without_a_factor_is_raised(monkeypatch):
+    monkeypatch.setattr(kriging, "_LEAST_NUGGET", 1e-20)
+    monkeypatch.setattr(kriging, "_NUGGETS", (1e-17,))
+    _, nugget, error = trained(lambda u: u[:, :1])
+    assert nugget == JITTER
+    assert error < 1e-4
