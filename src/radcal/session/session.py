@@ -33,6 +33,7 @@ from radcal.words import sentence
 _SNAKEMAKE = Path(".snakemake")
 _RESULTS = "results"
 _BAR_WIDTH = 20
+_PLUGINS = "PYDANTIC_DISABLE_PLUGINS"  # environment variable of pydantic
 
 
 def open_session(
@@ -177,6 +178,8 @@ class Session:
             FAILURE: str(self._failure),
             PROGRESS: str(self._progress) if remote else None,
             BAR: None,
+            # otherwise pydantic looks for plugins in the metadata of all installed distributions, in each job
+            _PLUGINS: os.environ.get(_PLUGINS, "__all__"),
             # a remote job keeps the start time of the process that submitted it
             STARTED: os.environ.get(STARTED, str(time.time())) if remote else str(time.time()),
         }
