@@ -241,15 +241,19 @@ def test_every_picture_is_embedded(page, pictures):
     assert "A <caption> & more" in page[1].text
 
 
-def test_a_marker_of_few_pixels_keeps_its_colour(tmp_path):
+def test_pale_areas_and_a_marker_of_few_pixels_keep_their_colours(tmp_path):
     shades = np.random.default_rng(4).integers(0, 256, (120, 160, 1)) // [1, 2, 4]
-    shades[60:63, 70:73] = 230, 159, 0
+    areas = [(239, 239, 239), (235, 226, 240), (201, 176, 215), (230, 159, 0)]
+    places = [np.s_[:40, :40], np.s_[:40, 40:80], np.s_[:40, 80:120], np.s_[60:63, 70:73]]
+    for place, colour in zip(places, areas, strict=True):
+        shades[place] = colour
     Image.fromarray(shades.astype(np.uint8)).save(tmp_path / "law.png")
     address = _embedded(Figure("law", "", "", "", tmp_path / "law.png", tmp_path / "law.pdf", "dyke"))
     seen = np.array(Image.open(io.BytesIO(base64.b64decode(address.partition(",")[2]))).convert("RGB"), dtype=int)
-    assert len(np.unique(seen.reshape(-1, 3), axis=0)) <= 64
-    assert np.abs(seen - shades).max() <= 12
-    assert np.abs(seen - shades)[60:63, 70:73].max() <= 12
+    assert len(np.unique(seen.reshape(-1, 3), axis=0)) <= 256
+    wrong = np.abs(seen - shades)
+    assert wrong.max() <= 24
+    assert max(wrong[place].max() for place in places) <= 2
 
 
 def test_an_interactive_figure_takes_the_place_of_the_static_law(page):

@@ -53,7 +53,7 @@ _MINUS = "\N{MINUS SIGN}"
 _TIMES = "\N{NARROW NO-BREAK SPACE}\N{MULTIPLICATION SIGN}\N{NARROW NO-BREAK SPACE}"
 _QUALITY = 82  # of maps as WebP, whose speckle takes most of the page
 _SPECKLED = 70  # of images of speckle alone
-_COLOURS = 64  # of figures of lines and letters
+_COLOURS = 256  # of figures of lines and letters
 _METHOD = 2  # effort of the WebP encoder, 0 to 6
 _DIAGNOSTICS = ("front", "fidelity", "histogram", "quality")  # figures for those who know the method
 
@@ -173,8 +173,8 @@ def _embedded(figure: Figure) -> str:
         shown = opened.convert("RGB")
         if figure.material is None and figure.name != "overview":
             return _webp(shown, _QUALITY)
-        # a colour that few pixels have is kept, which the median cut mixes with others
-        few = shown.quantize(_COLOURS, Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+        # the octree keeps pale areas and rare colours; the largest coverage tints the former, the median cut the latter
+        few = shown.quantize(_COLOURS, Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE)
         return _webp(few.convert("RGB"))
 
 
