@@ -104,7 +104,8 @@ def test_laws_on_another_image_of_the_same_scene(finished, monkeypatch):
     radar = [{**own["radar"], "looks": 4}, {**own["radar"], "look_side": "left"}]
     other = {**own, "case": "other", "radar": radar, "measurement": [image, image]}
     Path("other.yaml").write_text(yaml.safe_dump(other))
-    typed("apply", "tiny", "--to", "other.yaml")
+    said = typed("apply", "tiny", "--to", "other.yaml").output
+    assert "Each prediction is the average of that by the law and that by a constant sigma0." in said
     table = pd.read_csv("results/other/applied_tiny/predictions.csv")
     assert set(table["pass"]) == {1, 2}
     # the simulated measurement has the law that the calibration has matched in its distribution only

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import peers
+import platypus
 import pytest
 import runs_to_tolerance
 import searches
@@ -19,6 +20,19 @@ def row(*best, **keys):
 def test_the_first_run_within_the_rms_counts():
     found = row((1, 2e-2), (4, 3e-3), (9, 8e-6))
     assert [runs_to(found, rms) for rms in (1e-5, 3.2e-3, 1e-6)] == [9.0, 4.0, math.inf]
+
+
+def test_a_sort_ranks_solutions_of_one_objective_as_platypus_does():
+    """Also solutions with equal values, of which the first one is preferred."""
+    problem = platypus.Problem(1, 1)
+    found = []
+    for rank in (platypus.nondominated_sort, searches._sorted):
+        solutions = [platypus.Solution(problem) for _ in range(40)]
+        for solution, value in zip(solutions, np.random.default_rng(2).integers(0, 12, 40), strict=True):
+            solution.objectives[:] = [float(value)]
+        rank(solutions)
+        found.append([(solution.rank, solution.crowding_distance) for solution in solutions])
+    assert found[0] == found[1]
 
 
 def test_a_search_that_did_not_reach_counts_as_more_than_any_other():

@@ -14,7 +14,7 @@ from radcal.session.session import Session, is_dry_run, open_session
 @pytest.fixture(autouse=True)
 def _folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    for name in (CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED):
+    for name in (CASE, COMMAND, FAILURE, OWNER, PROGRESS, STARTED, "PYDANTIC_DISABLE_PLUGINS"):
         monkeypatch.setenv(name, "before")  # put back afterwards, whatever the session sets
 
 
@@ -92,6 +92,16 @@ def test_jobs_hear_of_the_command_but_not_of_values_that_may_be_secrets(build_ca
     monkeypatch.setattr("sys.argv", ["/opt/venv/bin/snakemake", "--configfile", "my case.yaml", "--config", secret])
     Session(build_case())
     assert os.environ[COMMAND] == "snakemake --configfile 'my case.yaml' --config ..."
+
+
+@pytest.mark.parametrize("given", [None, "of-mine"])
+def test_jobs_look_for_no_plugins_of_pydantic_unless_the_user_says_which(build_case, monkeypatch, given):
+    if given is None:
+        monkeypatch.delenv("PYDANTIC_DISABLE_PLUGINS")
+    else:
+        monkeypatch.setenv("PYDANTIC_DISABLE_PLUGINS", given)
+    Session(build_case())
+    assert os.environ["PYDANTIC_DISABLE_PLUGINS"] == (given or "__all__")
 
 
 def test_a_job_on_a_cluster_keeps_the_clock_of_who_submitted_it(build_case):
