@@ -32,6 +32,15 @@ def test_a_minimum_beyond_a_bound_is_that_on_the_bound():
     assert found.cost == pytest.approx(least, rel=1e-6)
 
 
+def test_a_curved_valley_is_followed_onto_the_bounds():
+    """Rosenbrock's valley b = a^2, whose free minimum (2, 4) is out of reach: its end is the corner itself."""
+    valley = least_squares(
+        lambda u: np.stack([10.0 * (u[:, 1] - u[:, 0] ** 2), 2.0 - u[:, 0]], axis=-1), ZERO + 0.1, ZERO, ONE, 1e-14
+    )
+    np.testing.assert_array_equal(valley.x, ONE)
+    assert valley.nfev < 20  # a method that keeps inside of the bounds takes 31, and ends beside the corner
+
+
 def test_residuals_without_bounds_end_in_no_error():
     found = least_squares(lambda u: np.where(u > 0.5, np.inf, 1.0 / (0.5 - u)), np.array([0.4, 0.9]), ZERO, ONE, 1e-6)
     assert np.isfinite(found.cost)

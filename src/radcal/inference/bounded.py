@@ -13,7 +13,6 @@ Batched = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Function from points of the unit box, shape (m, d), to residuals, shape (m, k)."""
 
 _STEP = 1e-5
-_INSIDE = 1e-9
 _LIMIT = 1e6  # largest size of a residual, because the solver refuses infinite residuals
 _APART = 0.2  # smallest difference of two starts in at least one coordinate of the unit box
 
@@ -46,8 +45,8 @@ def least_squares(
 
     References
     ----------
-    Branch, Coleman and Li, "A subspace, interior, and conjugate gradient method for large-scale bound-constrained
-    minimization problems", SIAM J. Sci. Comput. 21 (1999).
+    Voglis and Lagaris, "A rectangular trust region dogleg approach for unconstrained and bound constrained nonlinear
+    optimization", WSEAS Int. Conf. Applied Math. (2004): its steps end on bounds, which the minimum often touches.
     """
 
     def limited(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -60,8 +59,8 @@ def least_squares(
         width = np.diagonal(forward) - np.diagonal(backward)
         return np.asarray(((values[: len(point)] - values[len(point) :]) / width[:, None]).T)
 
-    inside = np.clip(start, low + _INSIDE * (high - low), high - _INSIDE * (high - low))
-    ends = {"xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": calls}
+    inside = np.clip(start, low, high)
+    ends = {"method": "dogbox", "xtol": tolerance, "ftol": tolerance, "gtol": tolerance, "max_nfev": calls}
     return scipy.optimize.least_squares(
         lambda point: limited(point[None])[0], inside, jac=jacobian, bounds=(low, high), x_scale=1.0, **ends
     )
