@@ -56,6 +56,17 @@ def test_runs_inside_of_the_bounds_are_taken_with_their_draws(made, tmp_path):
     assert copied == {keys[tuple(START)][0], *keys[tuple(INSIDE)], keys[tuple(AT_ENDS)][0]}
 
 
+def test_damaged_runs_of_the_earlier_case_are_left_out_and_stay_where_they_are(made, tmp_path):
+    keys = run_all(*made("earlier", [[0, 50]] * 4), START, INSIDE, AT_ENDS)
+    for damaged in (keys[tuple(INSIDE)][1], keys[tuple(AT_ENDS)][0]):  # a further draw, and a first one
+        path = tmp_path / "earlier" / f"{damaged}.h5"
+        path.write_bytes(path.read_bytes()[:-9] + b"not so long")
+    before = {path: path.read_bytes() for path in (tmp_path / "earlier").iterdir()}
+    (taken,) = reuse_runs(*made("mine", NARROW), tmp_path / "earlier")
+    assert (taken.key, taken.draws) == (keys[tuple(INSIDE)][0], ())
+    assert {path: path.read_bytes() for path in (tmp_path / "earlier").iterdir()} == before
+
+
 def test_runs_of_another_seed_or_outside_of_the_bounds_alone_are_refused(made, tmp_path):
     earlier, runner = made("earlier", [[0, 50]] * 4)
     run_all(earlier, runner, INSIDE)

@@ -13,6 +13,7 @@ from radcal.sections.measurement import within
 from radcal.seeds import draw_seeds
 from radcal.simulators.runner import Runner
 from radcal.storage.files import digest, first_difference
+from radcal.storage.records import Fault, inspect_file
 from radcal.storage.runs import IndexedRun, RunStore
 
 logger = logging.getLogger(__name__)
@@ -48,31 +49,36 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[I
     reference = case.start_parameters
     taken: list[IndexedRun] = []
     unlike: Counter[str] = Counter()
+    sound = []
     for path in sorted(Path(earlier).glob("[!.]*.h5")):
         try:
-            theirs = store.description(path.stem)
-        except StoreError as error:
+            inspect_file(path, "run")  # before the store, which would rename a damaged file
+            sound.append(path.stem)
+        except Fault as fault:
+            unlike[f"its record {fault}"] += 1
+        except (OSError, StoreError) as error:
             unlike[str(error)] += 1
-            continue
+    for key in sound:
+        theirs = store.description(key)
         if theirs.get("noise_seed") in more:  # a further draw, which is taken with the first draw of its run
             continue
         laws = theirs.get("materials", {})
         parameters = {**reference, **{name: laws[name]["parameters"] for name in case.calibrated if name in laws}}
         ours = runner.description(parameters, seed)
-        if digest(ours) != path.stem:
+        if digest(ours) != key:
             unlike[first_difference(disclosed(theirs), disclosed(ours))] += 1
             continue
         outside = [name for name in case.calibrated if not within(parameters[name], case.materials[name].box)]
         if outside and parameters != reference:
             unlike[f"materials.{outside[0]} is outside its bounds"] += 1
             continue
-        if not runner.take(store, path.stem):
+        if not runner.take(store, key):
             unlike["its record does not hold the pixels of every calibrated material"] += 1
             continue
         if parameters != reference:
-            keys = [digest(runner.description(parameters, draw)) for draw in more]
-            draws = tuple(key for key in keys if store.path(key).is_file() and runner.take(store, key))
-            taken.append(IndexedRun(path.stem, parameters, draws=draws))
+            further = [digest(runner.description(parameters, draw)) for draw in more]
+            draws = tuple(draw for draw in further if draw in sound and runner.take(store, draw))
+            taken.append(IndexedRun(key, parameters, draws=draws))
     for reason, count in unlike.items():
         logger.info("%d runs of %s not taken: %s", count, earlier, reason)
     if not taken:
