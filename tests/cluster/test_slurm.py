@@ -1,4 +1,4 @@
-"""A tiny case through a real Slurm: jobs cancelled, the node drained, the main process killed, the same result."""
+"""A tiny case through a real Slurm: jobs cancelled, node drained, main process killed, same result; two runs at once."""
 
 import os
 import signal
@@ -127,6 +127,20 @@ def test_cancelled_drained_killed_and_continued_is_the_same_as_undisturbed(clust
     # people see what jobs on the nodes say
     assert "scene: 96 x 80 cells" in first_log
     assert "after 6 design runs, the density of" in main.text
+    assert [len(of_rule(jobs, rule)) for rule in ("iteration_propose_train_verify", "infill_run")] == [1, 0]
+
+    # several runs of an iteration are jobs of their own, which other nodes may take
+    project.write(**{**SMALL, "stop": {"rms": 1e-9, "max_runs": 8}}, infill={"batch": 2})
+    main = Main(project)
+    try:
+        assert main.process.wait(PATIENCE_S) == 0
+    finally:
+        main.kill()
+        sys.stdout.write(main.text)
+    side_by_side = of_rule(cluster.jobs(), "infill_run")
+    assert [job["state"] for job in side_by_side] == ["COMPLETED"] * 2
+    assert len(of_rule(cluster.jobs(), "rule_verify")) == 1
+    assert project.summary()["runs"]["infill"] == 2
 
 
 def seconds(stamp):

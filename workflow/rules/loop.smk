@@ -74,6 +74,11 @@ def trained_before(wildcards):
     return [f"{OUT}/iterations/{k - 1}/verified/surrogate.h5"] if k else []
 
 
+# On a cluster, one job makes an iteration. Several runs of an iteration are jobs of their own, on any nodes; what comes
+# before and after them is then a job each.
+WITH_RUNS = None if STAGES["infill_run"].is_needed(CASE) else "iteration"
+
+
 rule train:
     input:
         scores=f"{OUT}/scores.json",
@@ -86,6 +91,8 @@ rule train:
         f"{OUT}/logs/iterations/{{k}}/train.log",
     benchmark:
         f"{OUT}/benchmarks/train_{{k}}.tsv"
+    group:
+        "iteration"
     retries: 0
     threads: len(CASE.calibrated)
     resources:
@@ -110,6 +117,8 @@ rule propose:
         f"{OUT}/logs/iterations/{{k}}/propose.log",
     benchmark:
         f"{OUT}/benchmarks/propose_{{k}}.tsv"
+    group:
+        "iteration"
     retries: 0
     threads: len(CASE.calibrated)
     resources:
@@ -171,6 +180,8 @@ checkpoint verify:
         f"{OUT}/logs/iterations/{{k}}/verify.log",
     benchmark:
         f"{OUT}/benchmarks/verify_{{k}}.tsv"
+    group:
+        WITH_RUNS
     resources:
         **resources("verify", runs=len(PASSES)),
     params:
