@@ -21,10 +21,13 @@ from radcal.calibration.steps import (
     train_all,
     verify,
 )
+from radcal.calibration.stopping import decide
 from radcal.config import Stop
 from radcal.config.stages import STAGES
 from radcal.errors import MissingSign, SimulatorError
 from radcal.objectives import make_objectives
+from radcal.objectives.base import PredictedPoints
+from radcal.objectives.density import Density
 from radcal.objectives.history import History, Proposal, Run, read_proposals, read_runs, write_proposals, write_runs
 from radcal.proposals.surrogate import Trainings
 from radcal.speckle.texture import log_speckle_cumulants
@@ -198,6 +201,31 @@ def test_statistics_are_means_over_the_draws_of_speckle(parts, runner, made):
     assert np.ptp(alone, axis=0).max() > 0.05
 
 
+def test_the_density_of_several_draws_is_that_of_their_averaged_statistics(parts, runner):
+    """The surrogate predicts these averages: a search that got the rms of a single draw would never reach it."""
+    case, *_, targets = parts
+    objectives = {name: Density(objective.material) for name, objective in make_objectives(case, [targets]).items()}
+    first, *others = (runner.run(TRUTH, seed) for seed in (noise_seed(case), 77, 78))
+    found = score("infill", 0, [replace(first, draws=tuple(others))], TRUTH, [targets], objectives, case.seed)
+    for name, one in found.scores.items():
+        predicted = PredictedPoints(np.array(one.statistics)[None], np.array([TRUTH[name]]), np.array([one.looks]))
+        assert one.cost == one.rms == pytest.approx(objectives[name].cost(predicted)[0], rel=0.01)
+        alone = score("infill", 0, [first], TRUTH, [targets], objectives, case.seed).scores[name].rms
+        assert one.rms != pytest.approx(alone, rel=0.05)
+
+
+def test_a_repetition_of_one_draw_is_no_run_of_the_search(parts, runner, made):
+    case, *_, targets = parts
+    first, *others = (runner.run(case.start_parameters, seed) for seed in (noise_seed(case), 77, 78))
+    whole, again = replace(first, draws=tuple(others)), Record("again", first.pixels_db, None, 0.1)
+    runs = score_reference(STAGES["scores"].of(case), [[whole], [again]], [targets], made[0])
+    history = History([runs[0], replace(runs[1], scores={k: replace(s, cost=0.0) for k, s in runs[1].scores.items()})])
+    for name in made[0]:
+        assert history.best_run(name) is runs[0]
+        np.testing.assert_array_equal(history.training(name)[1], [runs[0].scores[name].statistics])
+    assert decide(history, list(made[0]), case.stop, "classes").reason is None
+
+
 def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     case, *_, targets = parts
     first = runner.run(TRUTH, noise_seed(case))
@@ -212,6 +240,10 @@ def test_a_repeated_reference_run_tells_the_noise(parts, runner, made):
     # half of the variance of the difference, of the mean of the pixels of a bin; three standard errors of the bootstrap
     wanted = 0.5 * 0.5**2 / (targets["field"].effective / 3.0)
     assert np.mean(variance[:, 0]) == pytest.approx(wanted, rel=0.32)
+    # of the averages of four independent draws it is a quarter
+    four = replace(first, draws=(first,) * 3)
+    runs = score_reference(STAGES["scores"].of(case), [[four], [second]], [targets], made[0])
+    np.testing.assert_allclose(History(runs).noise_variance("field"), variance / 4)
     equal = score_reference(STAGES["scores"].of(case), [[first], [first]], [targets], made[0])
     assert History(equal).noise_variance("field") is None
     assert equal[1].repeat_db == 0.0

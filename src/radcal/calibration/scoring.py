@@ -11,8 +11,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from radcal import skewnormal
 from radcal.config.part import Part
 from radcal.findings import Finding
+from radcal.inference.moments import to_dp
 from radcal.objectives import Comparison
 from radcal.objectives.history import Kind, PassScore, Run, Score
 from radcal.seeds import derived_rng
@@ -129,8 +131,11 @@ def score(
     scores = {}
     for name, (statistics, looks, cost) in found.items():
         of_passes = [PassScore(one[name][0].tolist(), one[name][1]) if name in one else None for one in densities]
-        if cost is None:
-            cost = float(objectives[name].first.together(np.array([one.rms for one in of_passes if one is not None])))
+        if cost is None:  # the cost is the rms of the densities
+            first = objectives[name].first
+            if first.moments is None and any(record.draws for record in records):
+                of_passes = _densities_of(name, statistics, targets)  # the surrogate learns these averages, too
+            cost = float(first.together(np.array([one.rms for one in of_passes if one is not None])))
         scores[name] = Score(
             parameters=[float(x) for x in parameters[name]],
             densities=of_passes,
@@ -163,6 +168,16 @@ def _statistics(
         if one is not None:
             found.append(np.mean([one.statistics(draw[name]) for draw in values], axis=0))
     return np.concatenate(found)
+
+
+def _densities_of(name: str, statistics: NDArray[np.float64], targets: Sequence[Targets]) -> list[PassScore | None]:
+    """Densities with the given mean, log sd and skewness in each pass that shows the material."""
+    rows = iter(to_dp(statistics))
+    found: list[PassScore | None] = []
+    for one in targets:
+        dp = next(rows) if name in one else None
+        found.append(None if dp is None else PassScore(dp.tolist(), skewnormal.density_rms(dp, one[name].dp)))
+    return found
 
 
 def with_texture(
@@ -256,5 +271,6 @@ def _repeat_variance(
             objective = objectives[name].passes[number]
             assert objective is not None  # noqa: S101
             rng = derived_rng(case.seed, "repeat", name)
-            found[name].append(noise_variance(values[name], others[name], objective.statistics, rng, target.effective))
+            variance = noise_variance(values[name], others[name], objective.statistics, rng, target.effective)
+            found[name].append(variance / (1 + len(first[number].draws)))  # runs have the average of all their draws
     return {name: np.concatenate(each).tolist() for name, each in found.items()}

@@ -68,8 +68,8 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
 def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) -> SearchState:
     """State of the search of one material: its infill runs are judged in order, until a criterion ends the search."""
     seconds = _seconds(history, "design")
-    scores = [run.scores[name] for run in history.runs if run.kind != "infill"]
-    best, idle = min(score.cost for score in scores if score.own_law), 0
+    before = History(run for run in history.runs if run.kind != "infill")
+    best, idle = before.best(name).cost, 0
     if ending := objective.ending_before_infill(name, best, stop):
         return ending
     sampling, moved_db = history.rms_sampling(name), None

@@ -236,8 +236,11 @@ class History:
 
     def best_run(self, material: str) -> Run:
         """Return the earliest run with the smallest cost of a material, among runs with its calibrated law."""
-        own = (run for run in self.runs if run.scores[material].own_law)
-        return min(own, key=lambda run: run.scores[material].cost)
+        return min(self._of_law(material), key=lambda run: run.scores[material].cost)
+
+    def _of_law(self, material: str) -> list[Run]:
+        """Runs with a material's calibrated law, without repetitions, which have a single draw of speckle."""
+        return [run for run in self.runs if run.scores[material].own_law and run.repeat_db is None]
 
     def failures(self, material: str) -> int:
         """Return the number of iterations with verified proposals of a material since that of its best run."""
@@ -256,10 +259,8 @@ class History:
             counts, because the laws of neighbouring materials are then closest to their final ones.
         """
         seen: dict[tuple[float, ...], list[list[float]]] = {}
-        for run in self.runs:
-            score = run.scores[material]
-            if score.own_law:
-                seen[tuple(score.parameters)] = score.statistics
+        for score in (run.scores[material] for run in self._of_law(material)):
+            seen[tuple(score.parameters)] = score.statistics
         return np.array(list(seen)), np.array(list(seen.values()))
 
     def surprise(self, material: str) -> NDArray[np.float64]:
