@@ -310,7 +310,7 @@ STEPS: Mapping[str, tuple[str, str, str]] = {
     "max_runs": ("more runs", "continue with more runs", "stop.max_runs: {max_runs}"),
     "max_hours": ("more time", "continue for longer", "stop.max_hours: {max_hours:g}"),
     "stagnation": ("more patience", "continue for longer without improvement", "stop.stagnation_runs: {idle}"),
-    "unreachable": ("wider bounds", "widen materials.{about}.bounds: no law inside them reaches the target", ""),
+    "unreachable": ("wider bounds", "widen materials.{about}.bounds: the target seems out of reach inside them", ""),
     "running": ("continue", "repeat the command that began the case", ""),
     "determined": ("use the law", "use the law, which is in the folder export, or " + _FURTHER, _ADVISE),
     "undetermined": ("another pass", _FURTHER, _ADVISE),

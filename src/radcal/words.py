@@ -38,7 +38,7 @@ STANDINGS = {
 ENDINGS = {
     "rms": "tolerance reached",
     "settled": "stop criterion met",
-    "unreachable": "target out of reach inside the bounds",
+    "unreachable": "target seems out of reach inside the bounds",
     "stagnation": "no longer getting better",
     "max_runs": "maximum number of runs",
     "max_hours": "maximum time of the simulator",

@@ -97,6 +97,20 @@ def test_an_ended_material_repeats_its_best(parts, calibrated, made):
     assert found["lake"].mode != "ended"
 
 
+def test_a_search_with_fewer_different_x_repeats_its_best_beside_the_others(parts, made, monkeypatch):
+    case, *_ = parts
+    (objectives, start), chosen = made, {"field": [1.0, 2.0], "lake": [3.0]}
+    chosen = {name: [Proposal([x] * 4, "exploit") for x in each] for name, each in chosen.items()}
+    trained = train_all(start, STAGES["train"].of(case), objectives)
+    monkeypatch.setattr("radcal.calibration.steps.each", lambda work, processes: chosen)
+    found = propose_all(trained, objectives, start, STAGES["propose"].of(case), 0, case.stop)
+    best = Proposal(list(start.best("lake").parameters), "ended")
+    assert found == [
+        {"field": chosen["field"][0], "lake": chosen["lake"][0]},
+        {"field": chosen["field"][1], "lake": best},
+    ]
+
+
 def test_texture_brings_the_spread_to_the_measured_one(parts, calibrated):
     """The density of a run has the material's looks: its spread is the target's, though the speckle's is less."""
     *_, targets = parts

@@ -73,7 +73,7 @@ def test_what_a_right_case_needs_is_told(tmp_path, path):
     done = typed("check", path)
     assert (
         "at most 16 simulator runs would be made (1 reference, 1 registration, 3 design, at most 9 infill, at most 2 "
-        "final, each of 4 speckle draws); a search" in done.stdout
+        "final; runs of the search have 4 speckle draws); a search" in done.stdout
     )
     assert "60 x 50 pixels" in done.stdout
     assert "memory: at most 1,100 MB are requested for a job (reference_run)" in done.stdout

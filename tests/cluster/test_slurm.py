@@ -1,4 +1,4 @@
-"""A tiny case through a real Slurm: jobs cancelled, node drained, main process killed, same result; two runs at once."""
+"""A tiny case through a real Slurm: jobs cancelled, node drained, snakemake killed, same result; two runs at once."""
 
 import os
 import signal

@@ -1,5 +1,6 @@
 """Largest number of runs, and their time."""
 
+import pytest
 from config_samples import COMMAND, measured
 
 from radcal.config import case_from
@@ -44,7 +45,7 @@ def test_planned_jobs_make_at_most_so_many_runs(build_case):
     )
     counts = planned_runs(case, [*START, ("registration_run", {"p": "1"}), CHUNKS[2]])
     assert counts == {"measurement": 1, "reference": 1, "registration": 1, "design": 2, "infill": 0, "final": 0}
-    assert "1 reference, 1 registration, 2 design, each of 4 sp" in runs_sentence(counts, 4)
+    assert "1 reference, 1 registration, 2 design; runs of the search have 4 sp" in runs_sentence(counts, 4)
     assert runs_sentence(planned_runs(case, [("report", {})])) == "no simulator run would be made."
     # six iterations are done; then the search has ended, and the last runs are made again
     planned = [("train", {"k": "6"}), ("propose", {"k": "6"}), ("verify", {"k": "6"}), *LOOP[1:]]
@@ -94,7 +95,7 @@ def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path):
     assert str(standing(case, tmp_path / "gone")) == "0 of about 15 runs"
     runs(3, 2.0)
     assert str(standing(case, tmp_path)) == "3 of about 15 runs"  # the rest of an iteration may take longer than a run
-    # four draws of the reference run, and one of the registration run
+    # four draws of the reference run, and one of its repetition
     four = build_case(design={"size": 5}, stop={"max_runs": 40}, simulator={"draws": 4})
     runs(5, 2.0)
     assert str(standing(four, tmp_path)) == "2 of about 15 runs"
@@ -103,6 +104,8 @@ def test_the_standing_follows_from_the_files_of_the_case(build_case, tmp_path):
     runs(3, 100.0)
     # 4 runs, 6 iterations of one run and 2 final runs
     assert (standing(case, tmp_path).expected, standing(case, tmp_path).left_s) == (15, 1200.0)
+    # of four draws, 1 run is done; 6 more, and those of 6 iterations, have all draws, the 2 final runs one each
+    assert standing(four, tmp_path).left_s == pytest.approx((6 + 6 + 2 / 4) * 400.0)
     runs(9, 100.0)
     for k in range(2):
         iteration(k)

@@ -76,7 +76,8 @@ def test_surprise_is_the_mean_square_of_errors_over_the_variance_that_was_stated
         verified(3, 9.0, [], predicted=()),
         verified(4, 9.0, stated[0], "ended"),
     ]
-    np.testing.assert_allclose(History([*runs, *silent]).surprise("dyke"), squares / variances)
+    again = verified(1, 9.0, stated[0])  # an X that a run before had
+    np.testing.assert_allclose(History([*runs, *silent, again]).surprise("dyke"), squares / variances)
     np.testing.assert_array_equal(History([*RUNS[:3], *silent]).surprise("dyke"), 1.0)
     # noise of the runs is no error of the surrogate
     noise = {"dyke": [[0.02, 0.1, 0.05], [0.01, 0.2, 0.03]]}

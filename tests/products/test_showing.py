@@ -41,7 +41,7 @@ def test_a_finished_case(folder, made):
     )
     counts = "simulator runs of the search: 6 (4 design, 2 infill), besides 1 reference, 1 final"
     assert lines[5:7] == summarise(made.archive)["warnings"]
-    assert lines[7] == f"{counts}; end: target out of reach inside the bounds."
+    assert lines[7] == f"{counts}; end: target seems out of reach inside the bounds."
     assert lines[8:] == [
         f"report: {folder / 'report.html'}",
         f"exports: {folder / 'export'}",

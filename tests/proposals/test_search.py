@@ -132,6 +132,21 @@ def test_a_batch_is_spread_by_the_error_of_the_surrogate():
     np.testing.assert_allclose(of(0.01) - np.array([3.0, 0.4, 0.3]), 0.5 * off, atol=1e-6)
 
 
+def test_no_x_is_in_a_batch_twice():
+    """Three of whole numbers, two where the lattice has two left, and one where all draws are the surrogate itself."""
+    best = make_score(0.1, [2.0, 5.0, 5.0])
+    every = [[a, n, m] for a in range(3) for n in range(1, 10) for m in range(1, 10)]
+
+    def batch(known, error, **box):
+        found = search(REACHABLE, Exact(known, error, **box)).batch(3, QUICK, 1, best)
+        assert not {tuple(one.parameters) for one in found} & {tuple(x) for x in known}
+        return {tuple(one.parameters) for one in found}
+
+    assert len(batch([[2, 5, 5]], 0.02, **ALL_WHOLE)) == 3
+    assert batch(every[:-2], 0.02, **ALL_WHOLE) == {tuple(x) for x in every[-2:]}
+    assert len(batch([[0.5, 0.5, 0.5]], 0.0)) == 1
+
+
 def test_failures_keep_every_other_proposal_near_the_best():
     """A trust region around the best verified point, half as wide after each second failure."""
     best = scored([0.9, 0.9, 0.1], 0.12)

@@ -71,6 +71,9 @@ def test_one_run_is_wrong_elsewhere_by_its_own_difference_from_the_baseline():
     at = found.unit(points(1)) + [[0.0, 0.0], [0.3, -0.4], [0.0, 0.2]]
     wanted = np.outer(1.0 - np.exp([-0.0, -0.25, -0.04]), (shift**2).mean(axis=0))
     np.testing.assert_allclose(found.error(at) ** 2, wanted, atol=1e-15)
+    # by which the draws of a batch differ, after the first run of a search, too
+    off = (found.drawn(3).predict(at) - found.predict(at)) / np.random.default_rng(3).standard_normal(3)
+    np.testing.assert_allclose(off, np.repeat(np.sqrt(wanted)[:, None], 2, axis=1), atol=1e-12)
 
 
 def test_errors_of_runs_that_leave_one_out_finds_larger_are_larger():

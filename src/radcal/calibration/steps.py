@@ -212,8 +212,8 @@ def propose_all(
     Returns
     -------
     list of dict
-        Proposal by material for each run of the iteration: ``infill.batch`` runs, or as many as the stop
-        settings still admit.
+        Proposal by material for each run of the iteration: ``infill.batch`` runs, fewer if the stop settings admit
+        fewer, or if no search finds as many different X.
     """
     verdicts = decide(history, list(objectives), stop, case.objective).materials
     best = {name: history.best(name) for name in objectives}
@@ -235,7 +235,8 @@ def propose_all(
         for proposal in proposals:
             logger.info("%s: %s", name, proposal)
     ended = {name: Proposal(list(best[name].parameters), "ended") for name in objectives}
-    return [{name: found[name][j] if name in found else ended[name] for name in objectives} for j in range(count)]
+    runs = max(map(len, found.values()), default=1)
+    return [{name: [*found.get(name, ()), *[ended[name]] * runs][j] for name in objectives} for j in range(runs)]
 
 
 def verify(

@@ -122,12 +122,12 @@ def runs_sentence(counts: Mapping[str, int], draws: int = 1) -> str:
     counts : mapping
         Largest number of runs by kind.
     draws : int
-        Number of speckle draws in each run.
+        Number of speckle draws in each run of the search.
     """
     kinds = runs_in_words(counts, ("infill", "final"))
     if not kinds:
         return "no simulator run would be made."
-    each = f", each of {draws} speckle draws" if draws > 1 else ""
+    each = f"; runs of the search have {draws} speckle draws" if draws > 1 else ""
     search = "a search that meets its stop criterion ends earlier, and " * bool(counts.get("infill"))
     most = sum(counts.values())
     return f"at most {most} simulator runs would be made ({kinds}{each}); {search}no stored run is repeated."
@@ -181,7 +181,7 @@ def standing(case: Case, folder: str | Path) -> Standing:
         ``results/<case>``, which need not exist. Records of runs with earlier settings of the case count as done.
     """
     folder, passes = Path(folder), len(case.passes)
-    # each draw of a run has a record, the registration run has one draw alone
+    # each draw of a run has a record; repetitions of the reference run and final runs have one draw alone
     done = math.ceil(len(list((folder / "runs").glob("[!.]*.h5"))) / case.simulator.draws)
     if (folder / "final.json").exists():
         return Standing(done, None, None)
@@ -195,5 +195,7 @@ def standing(case: Case, folder: str | Path) -> Standing:
     iteration = stored_iteration_seconds(folder / "benchmarks")
     if iteration is None and each < _LONG_RUN_S:
         return Standing(done, expected, None)
-    left_s = max(runs - done, counts["final"]) * each + iterations * (iteration or passes * each)
+    final = counts["final"]
+    left_s = (max(runs - done - final, 0) + final / case.simulator.draws) * each
+    left_s += iterations * (iteration or passes * each)
     return Standing(done, expected, left_s)

@@ -280,8 +280,14 @@ class History:
         Bastos and O'Hagan, "Diagnostics for Gaussian process emulators", Technometrics 51 (2009), section 3: errors of
         validation runs over their predicted standard deviations.
         """
-        pairs = [(run.proposals[material], run.scores[material]) for run in self.infill if material in run.proposals]
-        pairs = [(one, score) for one, score in pairs if one.mode in ("exploit", "explore") and np.any(one.errors)]
+        pairs, known = [], set()
+        for run in self.runs:
+            score, one = run.scores[material], run.proposals.get(material)
+            x = tuple(score.parameters)
+            if one and one.mode in ("exploit", "explore") and np.any(one.errors) and x not in known:
+                pairs.append((one, score))
+            if score.own_law:
+                known.add(x)
         if not pairs:
             return np.ones(3)
         noise = self.noise_variance(material)

@@ -83,13 +83,15 @@ def lattice(surrogate: Surrogate) -> NDArray[np.float64] | None:
     return surrogate.unit(np.array(list(product(*axes))))
 
 
-def elsewhere(surrogate: Surrogate, seed: int) -> NDArray[np.float64]:
+def elsewhere(surrogate: Surrogate, known: Doubles, seed: int) -> Doubles:
     """Points that have not been simulated, as candidates if the best point has been simulated already.
 
     Parameters
     ----------
     surrogate : Surrogate
-        Trained surrogate; its training points are not returned.
+        Surrogate, which holds the bounds, and which parameters are whole numbers.
+    known : ndarray, shape (k, d)
+        Points of the unit box that are not returned.
     seed : int
         Seed of the Sobol sample.
 
@@ -102,7 +104,6 @@ def elsewhere(surrogate: Surrogate, seed: int) -> NDArray[np.float64]:
     points = lattice(surrogate)
     if points is None:
         points = np.unique(surrogate.snapped(sobol(len(surrogate.bounds), _SAMPLE, seed)), axis=0)
-    known = surrogate.unit(surrogate.parameters)
     return np.asarray(points[np.abs(known[None] - points[:, None]).max(axis=2).min(axis=1) > SAME])
 
 
@@ -117,10 +118,13 @@ class Search:
         Objective, which gives residuals and cost of predicted statistics.
     surrogate : Surrogate
         Surrogate, which predicts the statistics at any X.
+    chosen : sequence of list of float
+        Further X that count as simulated.
     """
 
-    def __init__(self, objective: Comparison, surrogate: Surrogate) -> None:
+    def __init__(self, objective: Comparison, surrogate: Surrogate, chosen: Sequence[Sequence[float]] = ()) -> None:
         self.objective, self.surrogate = objective, surrogate
+        self._known = surrogate.unit([*surrogate.parameters, *chosen])
         self._looks = np.log([LOOKS[0], LOOKS[1] * objective.material.looks])
         self._d = len(objective.material.box)
         self.dimension = self._d + objective.free_looks
@@ -333,7 +337,8 @@ class Search:
 
         Each further X is chosen likewise on a draw of the surrogate (:meth:`.Surrogate.drawn`). It is thus as far from
         the first as the surrogate is uncertain, and the runs together show how its error changes in between. Taking the
-        prediction at the first X as a run (kriging believer) would not move the best predicted X.
+        prediction at the first X as a run (kriging believer) would not move the best predicted X. A further X that has
+        been simulated, or chosen before, is left out.
 
         References
         ----------
@@ -343,12 +348,12 @@ class Search:
         found = [self.propose(config, seed, best, failures)]
         for number in range(1, count):
             draw = derived_seed(seed, "batch", number)
-            one = Search(self.objective, self.surrogate.drawn(draw)).propose(config, draw, best, failures)
-            if one.statistics:  # predicted by the draw
-                point = self.point(one.parameters, one.looks or 0.0)
+            search = Search(self.objective, self.surrogate.drawn(draw), [one.parameters for one in found])
+            one = search.propose(config, draw, best, failures)
+            point = self.point(one.parameters, one.looks or self.objective.material.looks)
+            if search._fresh(point):  # the draw's own predictions give way to those of the surrogate
                 cost, statistics = float(self.cost(point)[0]), self.surrogate.predict(point[None, : self._d])[0]
-                one = replace(one, cost=cost, floor=None, statistics=statistics.tolist(), front=Front())
-            found.append(one)
+                found.append(replace(one, cost=cost, floor=None, statistics=statistics.tolist(), front=Front()))
         return found
 
     def propose(self, config: Optimiser, seed: int, best: Score, failures: int = 0) -> Proposal:
@@ -376,7 +381,7 @@ class Search:
         best : Score
             Score of the best verified run.
         failures : int
-            Number of verified proposals since the best run.
+            Number of iterations since that of the best run.
 
         Returns
         -------
@@ -403,7 +408,7 @@ class Search:
                 if floor is not None and not self.objective.first.leaves_open(floor, best.cost):
                     # no X is clearly better than that of the best run, which is proposed again and needs no new run
                     return Proposal(list(best.parameters), "exploit", best.looks, best.cost, floor, nsga2_cost)
-                others = elsewhere(self.surrogate, seed)
+                others = elsewhere(self.surrogate, self._known, seed)
                 if not len(others):
                     return Proposal(list(best.parameters), "exhausted", best.looks, best.cost, best.cost, nsga2_cost)
                 others = np.concatenate([others, np.repeat(point[None, self._d :], len(others), axis=0)], axis=1)
@@ -456,5 +461,4 @@ class Search:
 
     def _fresh(self, point: Doubles) -> bool:
         """Whether the X of a point has not been simulated yet."""
-        known = self.surrogate.unit(self.surrogate.parameters)
-        return bool(np.abs(known - point[: self._d]).max(axis=1).min() > SAME)
+        return bool(np.abs(self._known - point[: self._d]).max(axis=1).min() > SAME)

@@ -117,7 +117,7 @@ class Surrogate:
         ]
 
     def drawn(self, seed: int) -> Surrogate:
-        """Draw of the surrogate: predictions are off by normal numbers of standard errors, one for each statistic.
+        """Draw of the surrogate: predictions are off by normal numbers of errors (:meth:`error`), one a statistic.
 
         Mean and variance at each X are those of a draw of the Gaussian process.
         """
@@ -153,7 +153,7 @@ class Surrogate:
         low, high = self.bounds.T
         learnt = self._base(low + points * (high - low)) + np.stack([model.mean(points) for model in self._models], -1)
         if self._shift.any():
-            learnt = learnt + self._shift * self.standard_error(points)
+            learnt = learnt + self._shift * self.error(points)[:, None]
         if not self.training.direct:
             return learnt
         xi, omega, alpha = np.moveaxis(learnt, -1, 0)
