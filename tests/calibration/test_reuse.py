@@ -44,26 +44,37 @@ def run_all(case, runner, *points):
 def test_runs_inside_of_the_bounds_are_taken_with_their_draws(made, tmp_path):
     """Ends of the bounds belong to them; the reference run is copied, and counts for itself."""
     keys = run_all(*made("earlier", [[0, 50]] * 4), START, INSIDE, AT_ENDS, OUTSIDE)
-    (tmp_path / "earlier" / f"{keys[tuple(AT_ENDS)][1]}.h5").unlink()  # a run that was killed between its draws
     case, runner = made("mine", NARROW)
     taken = {tuple(run.parameters["dyke"]): run for run in reuse_runs(case, runner, tmp_path / "earlier")}
     assert set(taken) == {tuple(INSIDE), tuple(AT_ENDS)}
     assert taken[tuple(INSIDE)].key == keys[tuple(INSIDE)][0]
-    assert taken[tuple(INSIDE)].draws == (keys[tuple(INSIDE)][1],)
-    assert taken[tuple(AT_ENDS)].draws == ()
+    assert all(run.draws == (keys[x][1],) for x, run in taken.items())
     assert all(run.parameters["grass"] == [10.0, 14.0, 6.0, 4.0] for run in taken.values())
     copied = {path.stem for path in (tmp_path / "mine").glob("*.h5")}
-    assert copied == {keys[tuple(START)][0], *keys[tuple(INSIDE)], keys[tuple(AT_ENDS)][0]}
+    assert copied == {*keys[tuple(START)], *keys[tuple(INSIDE)], *keys[tuple(AT_ENDS)]}
+
+
+def test_a_run_without_a_draw_is_left_out(made, tmp_path):
+    """Its statistics would scatter more than those of the others. The reference run makes a draw that it lacks."""
+    keys = run_all(*made("earlier", [[0, 50]] * 4), START, INSIDE, AT_ENDS)
+    for x in (START, AT_ENDS):
+        (tmp_path / "earlier" / f"{keys[tuple(x)][1]}.h5").unlink()  # killed between its draws
+    (taken,) = reuse_runs(*made("mine", NARROW), tmp_path / "earlier")
+    assert taken.key == keys[tuple(INSIDE)][0]
+    assert {path.stem for path in (tmp_path / "mine").glob("*.h5")} == {*keys[tuple(INSIDE)], keys[tuple(START)][0]}
+    (tmp_path / "earlier" / f"{keys[tuple(INSIDE)][1]}.h5").unlink()
+    with pytest.raises(ConfigError, match=r"fewer than the 2 speckle draws of this case \(simulator.draws\)"):
+        reuse_runs(*made("other", NARROW), tmp_path / "earlier")
 
 
 def test_damaged_runs_of_the_earlier_case_are_left_out_and_stay_where_they_are(made, tmp_path):
     keys = run_all(*made("earlier", [[0, 50]] * 4), START, INSIDE, AT_ENDS)
-    for damaged in (keys[tuple(INSIDE)][1], keys[tuple(AT_ENDS)][0]):  # a further draw, and a first one
+    for damaged in keys[tuple(AT_ENDS)]:
         path = tmp_path / "earlier" / f"{damaged}.h5"
         path.write_bytes(path.read_bytes()[:-9] + b"not so long")
     before = {path: path.read_bytes() for path in (tmp_path / "earlier").iterdir()}
     (taken,) = reuse_runs(*made("mine", NARROW), tmp_path / "earlier")
-    assert (taken.key, taken.draws) == (keys[tuple(INSIDE)][0], ())
+    assert [taken.key, *taken.draws] == keys[tuple(INSIDE)]
     assert {path: path.read_bytes() for path in (tmp_path / "earlier").iterdir()} == before
 
 

@@ -10,8 +10,9 @@ from radcal.ground.bins import make_classes
 from radcal.ground.ground import Ground
 from radcal.ground.patches import Spread, spreads
 from radcal.inference.misfit import BinMisfit, LikelihoodMisfit, Method
-from radcal.inference.pooled_laws import FittedLaw, LawFit, fit_law, fit_laws
-from radcal.laws import LAWS
+from radcal.inference.pooled_laws import FittedLaw, LawFit, curve_prior, fit_law, fit_laws
+from radcal.inference.priors import looks_residuals
+from radcal.laws import LAWS, law_for
 
 LAW = LAWS["mangia"]
 BOUNDS = [[-80.0, 10.0], [0.0, 60.0], [0.0, 60.0], [0.0, 20.0]]
@@ -43,6 +44,16 @@ def test_law_and_looks_are_found(misfit):
     found = fit_laws({"field": fields(np.random.default_rng(1))}, {"field": replace(METHOD, misfit=misfit)})
     assert law_error(found["field"]) < 0.35
     assert found["field"].fit.looks == pytest.approx(2.8, rel=0.08)
+
+
+def test_the_prior_on_looks_needs_no_curve():
+    """It is that of the ground, which a law known to a program alone has, too."""
+    ground = fields(np.random.default_rng(5), rows=20, columns=12)
+    external = Method(law_for("external", names=["mv", "s"]), [[0.0, 1.0]] * 2, looks=4.0)
+    np.testing.assert_array_equal(curve_prior(ground, external)(np.array([0.5, 0.5]), 2.5), looks_residuals(2.5, 4.0))
+    for off in (replace(external, priors=False), replace(external, free_looks=False)):
+        assert curve_prior(ground, off)(np.array([0.5, 0.5]), 2.5).size == 0
+    assert curve_prior(ground, METHOD)(TRUTH, 2.5)[-1] == looks_residuals(2.5, 4.0)[-1]
 
 
 @pytest.mark.parametrize("cells", ["of a pixel and the rest", "of one pixel each", "of equal pixels"])

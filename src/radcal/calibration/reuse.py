@@ -34,8 +34,8 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[I
     Returns
     -------
     list of IndexedRun
-        Reused runs, sorted by their hashes. A run at the starting parameters is copied, but not listed, because it
-        serves as the reference run.
+        Reused runs, sorted by their hashes, each with all draws of speckle of this case. A run at the starting
+        parameters is copied, but not listed, because it serves as the reference run.
 
     Raises
     ------
@@ -72,12 +72,13 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[I
         if outside and parameters != reference:
             unlike[f"materials.{outside[0]} is outside its bounds"] += 1
             continue
-        if not runner.take(store, key):
-            unlike["its record does not hold the pixels of every calibrated material"] += 1
+        draws = tuple(digest(runner.description(parameters, draw)) for draw in more)
+        if parameters != reference and not set(draws) <= set(sound):
+            unlike[f"it has fewer than the {1 + len(more)} speckle draws of this case (simulator.draws)"] += 1
             continue
-        if parameters != reference:
-            further = [digest(runner.description(parameters, draw)) for draw in more]
-            draws = tuple(draw for draw in further if draw in sound and runner.take(store, draw))
+        if not all([runner.take(store, one) for one in (key, *draws) if one in sound]):
+            unlike["its record does not hold the pixels of every calibrated material"] += 1
+        elif parameters != reference:
             taken.append(IndexedRun(key, parameters, draws=draws))
     for reason, count in unlike.items():
         logger.info("%d runs of %s not taken: %s", count, earlier, reason)

@@ -208,10 +208,9 @@ def curve_prior(ground: Ground, method: Method) -> Residuals:
     prior = law_prior(ground, method)
 
     def residuals(parameters: NDArray[np.float64], looks: float) -> NDArray[np.float64]:
-        if prior is None:
-            return np.empty(0)
-        curve = prior.residuals(parameters)
-        return np.concatenate([curve, looks_residuals(looks, method.looks)]) if method.free_looks else curve
+        curve = np.empty(0) if prior is None else prior.residuals(parameters)
+        with_looks = method.priors and method.free_looks
+        return np.concatenate([curve, looks_residuals(looks, method.looks)]) if with_looks else curve
 
     return residuals
 
