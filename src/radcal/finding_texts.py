@@ -262,8 +262,8 @@ TEXTS: Mapping[str, str] = {
     "texture": "{about}: the search found {looks:.2f} effective looks, fewer than the {looks_nominal:.3g} of the "
     "simulated speckle; gamma texture in the simulation makes up the difference. Only values below about 0.9 times "
     "radar.looks, the median of the prior of the effective looks, are evidence of texture",
-    "another_law": "{about}: the program's backscatter differs from law {law} by up to {difference_db:.1f} dB at the "
-    "same X, so that curve and band are those of the law, not of the program",
+    "another_law": "sigma0 is determined at no angle, because the program's backscatter differs from law {law} by up to "
+    "{difference_db:.1f} dB at the same X",
     "registration_moved": "{about}: a further registration, onto the calibrated image, would move the material's "
     "pixels by {moved_px:.1f} pixels (rms; standard error of the registration {stated_px:.1f}) and change their sigma0 "
     "by {moved_db:.1f} dB",
@@ -317,6 +317,7 @@ STEPS: Mapping[str, tuple[str, str, str]] = {
     "withheld": ("check the image", "remove the reason why the image is refused, and repeat the command", ""),
     "level_only": ("another incidence", "add a pass at another incidence; first " + _FURTHER, _ADVISE),
     "parameters_only": ("use the parameters", "use the parameters in the program that computes the law", ""),
+    "another_law": ("law: external", "set materials.{about}.law: external, with the parameters of the program", ""),
     "without_cells": ("larger ground", "give the material larger connected ground in the scene, or smaller pixels", ""),
 }
 """Next step by state of a material, or by the reason why its search ended: short words, clause, and what to paste."""

@@ -10,12 +10,13 @@ from radcal.finding_texts import STEPS, TEXTS
 from radcal.findings import Finding
 
 _NOTICED = " (a bump of {noticed_db:.1f} dB would be noticed in 9 of 10 images)"
-_STATES = ("determined", "undetermined", "withheld", "level_only", "parameters_only", "without_cells")
+_STATES = ("determined", "undetermined", "withheld", "another_law", "level_only", "parameters_only", "without_cells")
 _OF_VERDICT = (*_STATES, "refuted", "form_noticed", "not_refuted")
 _COUNTED = {
     "determined": "determined at some angles",
     "undetermined": "determined at no angle",
     "withheld": "determined at no angle, because an image is refused",
+    "another_law": "determined at no angle, because the program computes another law",
     "level_only": "seen at one incidence alone",
     "parameters_only": "without a band of sigma0",
     "without_cells": "without enough pixels side by side",
@@ -137,7 +138,7 @@ def verdict(name: str, findings: Sequence[Finding]) -> str:
 
 def doubts(names: Collection[str], findings: Iterable[Finding]) -> list[str]:
     """Sentences on materials whose sigma0 is determined at no angle or at one, or whose law is refuted."""
-    codes = ("undetermined", "withheld", "level_only", "parameters_only", "without_cells", "refuted")
+    codes = (*(code for code in _STATES if code != "determined"), "refuted")
     return [sentence(one) for one in findings if one.about in names and one.code in codes]
 
 

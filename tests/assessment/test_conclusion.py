@@ -72,7 +72,7 @@ def test_findings_on_the_image_come_before_those_on_each_material(parts, found):
         ("not_refuted", "note", "area"),
         ("texture", "note", "area"),
     ]
-    assert withheld(KNOWN["area"], found) is KNOWN["area"]
+    assert withheld("area", KNOWN["area"], found) is KNOWN["area"]
 
 
 def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):
@@ -82,7 +82,7 @@ def test_a_refused_image_leaves_sigma0_determined_nowhere(parts):
     found = conclude(*rest, wrong)
     assert codes(found)[0] == ("radiometry", "refusal", "pass 1")
     assert ("withheld", "refusal", "area") in codes(found)
-    known = withheld(KNOWN["area"], found)
+    known = withheld("area", KNOWN["area"], found)
     assert (known.known_between_deg, known.known_half_width_db) == (None, None)
     assert known.curve is KNOWN["area"].curve
 
@@ -106,8 +106,17 @@ def test_another_law_is_asked_for_of_programs_only(parts, monkeypatch):
     program = case.model_copy(update={"simulator": PythonSimulation(kind="other")})
     found = conclude(program, *rest)
     assert asked == [("area", "mangia")]
-    assert found[-1] is told
-    assert withheld(KNOWN["area"], found) is KNOWN["area"]
+    # in place of how well sigma0 is known: band and form are those of the law, not of the program
+    assert codes(found) == [
+        ("level", "note", "pass 1"),
+        ("another_law", "warning", "area"),
+        ("texture", "note", "area"),
+    ]
+    assert withheld("area", KNOWN["area"], found).known_between_deg is None
+    assert withheld("other", KNOWN["area"], found) is KNOWN["area"]
+    *others, image = rest
+    refused = conclude(program, *others, replace(image, radiometry={"1": made_radiometry(0.97, -1)}))
+    assert ("withheld", "refusal", "area") in codes(refused)
 
 
 def test_the_image_is_registered_again_onto_the_final_run(parts, monkeypatch):
@@ -134,4 +143,4 @@ def test_findings_of_registrations_come_first_and_can_refuse(parts):
     found = conclude(*parts, images)
     assert found[:2] == [far, near]
     assert ("withheld", "refusal", "area") in codes(found)
-    assert withheld(KNOWN["area"], found).known_between_deg is None
+    assert withheld("area", KNOWN["area"], found).known_between_deg is None

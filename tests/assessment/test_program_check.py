@@ -54,7 +54,7 @@ def said(parts):
 @pytest.mark.parametrize("added_db", [-12.0, -1.5, 2.0])
 def test_a_program_of_another_law_is_told(added_db):
     (found,) = said(made(added_db))
-    assert found == Finding("another_law", "warning", "area", found.numbers, "materials.area.law")
+    assert found == Finding("another_law", "warning", "area", found.numbers, "materials.area.law: external")
     assert found.numbers == {"difference_db": pytest.approx(abs(added_db)), "law": "mangia"}
 
 

@@ -267,7 +267,7 @@ def _rms(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def another_law(
     name: str, law: str, objective: Comparison, target: Target, history: History, geometry: Geometry
 ) -> Iterator[Finding]:
-    """Warning if the program computes another law than the material's; none if the runs do not show it.
+    """Warning if the program computes another law than the material's, whose band then says nothing about sigma0.
 
     Parameters
     ----------
@@ -289,7 +289,7 @@ def another_law(
     left_db = _LEFT_DB if np.isnan(geometry.ground).all() else _LEFT_ON_TERRAIN_DB
     if not np.all(beyond <= left_db):
         numbers: dict[str, float | str] = {"difference_db": float(np.abs(difference).max()), "law": law}
-        yield Finding("another_law", "warning", name, numbers, f"materials.{name}.law")
+        yield Finding("another_law", "warning", name, numbers, f"materials.{name}.law: external")
 
 
 def beyond_law_db(
@@ -367,22 +367,23 @@ def conclude(
     warned = {one.code: f"{one.code.replace('_', ' ')} of {one.about}" for one in findings if one.severity != "note"}
     laws = {name: (case.laws[name], np.asarray(history.best(name).parameters)) for name in seen}
     for name, found in laws.items():
-        findings += material_findings(case, name, posteriors[name], targets, refused)
+        other = list[Finding]()
+        if not (case.simulator.own or refused):
+            law = case.materials[name].law
+            other += another_law(name, law, objectives[name], seen[name], history, geometry)
+        findings += other or material_findings(case, name, posteriors[name], targets, refused)
         looks = history.best(name).looks
         if looks < case.radar.looks:
             numbers = {"looks": looks, "looks_nominal": float(case.radar.looks)}
             findings.append(Finding("texture", "note", name, numbers))
         findings += law_findings(name, posteriors[name], *found, warned.values())
-        if not case.simulator.own:
-            law = case.materials[name].law
-            findings += another_law(name, law, objectives[name], seen[name], history, geometry)
     shown = {name: law for name, law in laws.items() if not level_only(targets, name)}
     for one in images[:1]:
         findings += check_registration(shown, seen, geometry, one, final_db)
     return findings
 
 
-def withheld(posterior: Posterior, findings: Sequence[Finding]) -> Posterior:
-    """Posterior of a law that determines sigma0 at no angle if a finding is a refusal."""
-    refused = any(one.severity == "refusal" for one in findings)
+def withheld(name: str, posterior: Posterior, findings: Sequence[Finding]) -> Posterior:
+    """Posterior of a law that determines sigma0 at no angle if an image is refused, or the program's law is another."""
+    refused = any(one.severity == "refusal" or (one.code, one.about) == ("another_law", name) for one in findings)
     return replace(posterior, known_between_deg=None, known_half_width_db=None) if refused else posterior

@@ -76,7 +76,7 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[I
         if parameters != reference and not set(draws) <= set(sound):
             unlike[f"it has fewer than the {1 + len(more)} speckle draws of this case (simulator.draws)"] += 1
             continue
-        if not all([runner.take(store, one) for one in (key, *draws) if one in sound]):
+        if not all(runner.take(store, one) for one in (key, *draws) if one in sound):
             unlike["its record does not hold the pixels of every calibrated material"] += 1
         elif parameters != reference:
             taken.append(IndexedRun(key, parameters, draws=draws))

@@ -251,7 +251,7 @@ def archive_of(
             rms=np.array([score.rms for score in scores]),
             cost=_numbers(score.cost if score.own_law else None for score in scores),
             looks=_numbers(score.looks if score.own_law else None for score in scores),
-            posterior=withheld(of_each[name], findings),
+            posterior=withheld(name, of_each[name], findings),
             prior=prior_draws(objectives[name], derived_rng(case.seed, "prior", name)),
             hidden=np.array(hidden[name]) if name in hidden else None,
             fidelity=_fidelity(history.infill, name),
