@@ -262,8 +262,8 @@ TEXTS: Mapping[str, str] = {
     "texture": "{about}: the search found {looks:.2f} effective looks, fewer than the {looks_nominal:.3g} of the "
     "simulated speckle; gamma texture in the simulation makes up the difference. Only values below about 0.9 times "
     "radar.looks, the median of the prior of the effective looks, are evidence of texture",
-    "another_law": "sigma0 is determined at no angle, because the program's backscatter differs from law {law} by up to "
-    "{difference_db:.1f} dB at the same X",
+    "another_law": "sigma0 is determined at no angle, because the program's backscatter differs from law {law} by up "
+    "to {difference_db:.1f} dB at the same X",
     "registration_moved": "{about}: a further registration, onto the calibrated image, would move the material's "
     "pixels by {moved_px:.1f} pixels (rms; standard error of the registration {stated_px:.1f}) and change their sigma0 "
     "by {moved_db:.1f} dB",
