@@ -91,9 +91,9 @@ rule train:
         f"{OUT}/logs/iterations/{{k}}/train.log",
     benchmark:
         f"{OUT}/benchmarks/train_{{k}}.tsv"
+    retries: 0
     group:
         "iteration"
-    retries: 0
     threads: len(CASE.calibrated)
     resources:
         **resources("train"),
@@ -117,9 +117,9 @@ rule propose:
         f"{OUT}/logs/iterations/{{k}}/propose.log",
     benchmark:
         f"{OUT}/benchmarks/propose_{{k}}.tsv"
+    retries: 0
     group:
         "iteration"
-    retries: 0
     threads: len(CASE.calibrated)
     resources:
         **resources("propose"),
