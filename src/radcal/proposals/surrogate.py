@@ -117,9 +117,10 @@ class Surrogate:
         ]
 
     def drawn(self, seed: int) -> Surrogate:
-        """Draw of the surrogate: predictions are off by normal numbers of errors (:meth:`error`), one a statistic.
+        """Draw of the surrogate: predictions are off by normal numbers of standard errors, one for each statistic.
 
-        Mean and variance at each X are those of a draw of the Gaussian process.
+        Mean and variance at each X are those of a draw of the Gaussian process. After a single run, for which kriging
+        has no variance, the errors are those of :meth:`error`.
         """
         draw = copy.copy(self)
         draw._shift = np.random.default_rng(seed).standard_normal(len(STATISTICS))
@@ -153,7 +154,9 @@ class Surrogate:
         low, high = self.bounds.T
         learnt = self._base(low + points * (high - low)) + np.stack([model.mean(points) for model in self._models], -1)
         if self._shift.any():
-            learnt = learnt + self._shift * self.error(points)[:, None]
+            alone = len(self.parameters) == 1
+            error = self.error(points)[:, None] if alone else self.standard_error(points)
+            learnt = learnt + self._shift * error
         if not self.training.direct:
             return learnt
         xi, omega, alpha = np.moveaxis(learnt, -1, 0)
