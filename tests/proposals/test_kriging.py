@@ -31,6 +31,16 @@ def test_a_singular_correlation_ends_in_a_sentence():
         Kriging(np.vstack([x, x[:1]]), np.vstack([y, y[:1]]), np.ones(4), 0.0)
 
 
+def test_points_too_near_for_their_nugget_have_the_least_that_gives_a_factor():
+    """Two points closer than the correlation resolves in double precision, with the nugget of the library smt."""
+    x, y = example(13, 4)
+    near = np.vstack([x, x[:1] + 1e-11])
+    model = Kriging(near, np.vstack([y, y[:1]]), np.full(4, 0.7), 1e-17)
+    assert model.nugget > 1e-17
+    np.testing.assert_allclose(model.mean(x), y, atol=1e-4)
+    assert Kriging(x, y, np.full(4, 0.7), 1e-17).nugget == 1e-17
+
+
 @pytest.mark.parametrize("free", [False, True])
 def test_the_gradient_is_that_of_finite_differences(free):
     x, y = example(9, 3)
@@ -181,6 +191,6 @@ def test_many_points_of_a_nearly_linear_output_have_long_scales():
 def test_a_nugget_without_a_factor_is_raised(monkeypatch):
     monkeypatch.setattr(kriging, "_LEAST_NUGGET", 1e-20)
     monkeypatch.setattr(kriging, "_NUGGETS", (1e-17,))
-    _, nugget, error = trained(lambda u: u[:, :1])
-    assert nugget == JITTER
-    assert error < 1e-4
+    model, nugget, error = trained(lambda u: u[:, :1])
+    assert nugget < 1e-16 < model.nugget < JITTER
+    assert error < 1e-6

@@ -27,6 +27,7 @@ _ROUNDS = 4  # alternations between fits of the length scales and of the nugget
 _MANY, _PART, _EVALUATIONS = 400, 250, 10
 _NUGGETS = (1e-13, 1e-4)  # of many points: starts of the search
 _LEAST_NUGGET = 5e-17  # for each of many points; with less, the rounded correlation matrix often has no factor
+_TIMES = 10.0 ** np.arange(8)  # multiples of the nugget, tried until the correlation matrix has a factor
 _REFINEMENTS = 2  # steps against the smoothing by the nugget of a smooth output
 
 
@@ -54,6 +55,9 @@ class Kriging:
 
     Attributes
     ----------
+    nugget : float
+        Nugget used: the least power of ten (up to 1e7) times the given one with which the rounded correlation matrix
+        has a factor.
     process : float
         Restricted-likelihood estimate of the variance of the process, pooled over the outputs; 0 for a single point.
 
@@ -68,17 +72,23 @@ class Kriging:
     def __init__(self, x: ArrayLike, y: ArrayLike, scales: ArrayLike, nugget: float = JITTER) -> None:
         self._x, self._y = np.asarray(x, dtype=np.float64), np.asarray(y, dtype=np.float64)
         self._scales = np.asarray(scales, dtype=np.float64)
-        matrix = self._correlation(self._x) + nugget * np.eye(len(self._x))
-        try:
-            self._factor = scipy.linalg.cho_factor(matrix, lower=True)
-        except (np.linalg.LinAlgError, ValueError) as error:
-            raise SurrogateError(f"kriging of {len(self._x)} points is impossible ({error}).") from None
+        correlation = self._correlation(self._x)
+        for times in _TIMES:
+            self.nugget = nugget * times
+            matrix = correlation + self.nugget * np.eye(len(self._x))
+            try:
+                self._factor = scipy.linalg.cho_factor(matrix, lower=True)
+                break
+            except (np.linalg.LinAlgError, ValueError) as error:
+                if times == _TIMES[-1]:
+                    raise SurrogateError(f"kriging of {len(self._x)} points is impossible ({error}).") from None
         self._ones = scipy.linalg.cho_solve(self._factor, np.ones(len(self._x)))
         self._constant = self._ones @ self._y / self._ones.sum()
         left = self._y - self._constant
         self._weights = scipy.linalg.cho_solve(self._factor, left)
-        for _ in range(_REFINEMENTS if len(self._x) > _MANY and nugget < JITTER else 0):
-            off = left - matrix @ self._weights + nugget * self._weights  # of the prediction at the points themselves
+        for _ in range(_REFINEMENTS if len(self._x) > _MANY and self.nugget < JITTER else 0):
+            # error of the prediction at the points themselves
+            off = left - matrix @ self._weights + self.nugget * self._weights
             self._weights = self._weights + scipy.linalg.cho_solve(self._factor, off)
         freedom = self._y.shape[1] * (len(self._x) - 1)
         self.process = float((left * self._weights).sum() / freedom) if freedom else 0.0
@@ -229,10 +239,6 @@ def _of_many(x: Doubles, y: Doubles) -> tuple[Doubles, float]:
         for nugget in _NUGGETS
     ]  # fmt: skip
     best = np.exp(min(found, key=lambda result: float(result.fun)).x)
-    try:
-        Kriging(x, y, best[:d], best[d])
-    except SurrogateError:  # near the least nugget, rounding decides whether the matrix has a factor
-        best[d] = JITTER
     return best[:d], float(best[d])
 
 
