@@ -74,9 +74,11 @@ def trained_before(wildcards):
     return [f"{OUT}/iterations/{k - 1}/verified/surrogate.h5"] if k else []
 
 
-# On a cluster, one job makes an iteration. Several runs of an iteration are jobs of their own, on any nodes; what comes
-# before and after them is then a job each.
-WITH_RUNS = None if STAGES["infill_run"].is_needed(CASE) else "iteration"
+# On a cluster, an iteration is one job (profiles/slurm). Several runs of an iteration are jobs of their own, on any nodes;
+# what comes before and after them is then a job each.
+jobs_of_their_own(
+    {"infill_run", "verify"} if STAGES["infill_run"].is_needed(CASE) else set()
+)
 
 
 rule train:
@@ -92,8 +94,6 @@ rule train:
     benchmark:
         f"{OUT}/benchmarks/train_{{k}}.tsv"
     retries: 0
-    group:
-        "iteration"
     threads: len(CASE.calibrated)
     resources:
         **resources("train"),
@@ -118,8 +118,6 @@ rule propose:
     benchmark:
         f"{OUT}/benchmarks/propose_{{k}}.tsv"
     retries: 0
-    group:
-        "iteration"
     threads: len(CASE.calibrated)
     resources:
         **resources("propose"),
@@ -180,8 +178,6 @@ checkpoint verify:
         f"{OUT}/logs/iterations/{{k}}/verify.log",
     benchmark:
         f"{OUT}/benchmarks/verify_{{k}}.tsv"
-    group:
-        WITH_RUNS
     resources:
         **resources("verify", runs=len(PASSES)),
     params:
