@@ -74,11 +74,14 @@ def trained_before(wildcards):
     return [f"{OUT}/iterations/{k - 1}/verified/surrogate.h5"] if k else []
 
 
-# On a cluster, an iteration is one job (profiles/slurm). Several runs of an iteration are jobs of their own, on any nodes;
-# what comes before and after them is then a job each.
-jobs_of_their_own(
-    {"infill_run", "verify"} if STAGES["infill_run"].is_needed(CASE) else set()
-)
+# Where a profile groups jobs, as on a cluster, an iteration is one job. Several runs of an iteration are jobs of their
+# own, on any nodes; what comes before and after them is then a job each.
+def iteration(wildcards):
+    """Group of the jobs of an iteration; none if no profile groups jobs."""
+    return "iteration" if workflow.group_settings.overwrite_groups else None
+
+
+WITH_RUNS = None if STAGES["infill_run"].is_needed(CASE) else iteration
 
 
 rule train:
@@ -94,6 +97,8 @@ rule train:
     benchmark:
         f"{OUT}/benchmarks/train_{{k}}.tsv"
     retries: 0
+    group:
+        iteration
     threads: len(CASE.calibrated)
     resources:
         **resources("train"),
@@ -118,6 +123,8 @@ rule propose:
     benchmark:
         f"{OUT}/benchmarks/propose_{{k}}.tsv"
     retries: 0
+    group:
+        iteration
     threads: len(CASE.calibrated)
     resources:
         **resources("propose"),
@@ -178,6 +185,8 @@ checkpoint verify:
         f"{OUT}/logs/iterations/{{k}}/verify.log",
     benchmark:
         f"{OUT}/benchmarks/verify_{{k}}.tsv"
+    group:
+        WITH_RUNS
     resources:
         **resources("verify", runs=len(PASSES)),
     params:

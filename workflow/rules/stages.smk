@@ -29,15 +29,6 @@ def words(stage):
     return STAGES[stage].words.replace("{", "{wildcards.")
 
 
-def jobs_of_their_own(rules):
-    """Take rules out of the groups that a profile gives them; a job on a node reads no profile."""
-    if workflow.group_settings is not None:
-        groups = dict(workflow.group_settings.overwrite_groups)
-        workflow.group_settings.overwrite_groups = {
-            name: groups[name] for name in groups.keys() - rules
-        }
-
-
 def every_pass(files, p=PASSES):
     """Files of a rule in all passes, or in the pass ``p``."""
     names = [files] if isinstance(files, str) else files
