@@ -32,7 +32,7 @@ def test_a_singular_correlation_ends_in_a_sentence():
 
 
 def test_points_too_near_for_their_nugget_have_the_least_that_gives_a_factor():
-    """Two points closer than the correlation resolves in double precision, with the nugget of the library smt."""
+    """Two points closer than the correlation resolves in double precision."""
     x, y = example(13, 4)
     near = np.vstack([x, x[:1] + 1e-11])
     model = Kriging(near, np.vstack([y, y[:1]]), np.full(4, 0.7), 1e-17)

@@ -49,16 +49,16 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[I
     reference = case.start_parameters
     taken: list[IndexedRun] = []
     unlike: Counter[str] = Counter()
-    sound = []
+    sound: set[str] = set()
     for path in sorted(Path(earlier).glob("[!.]*.h5")):
         try:
             inspect_file(path, "run")  # before the store, which would rename a damaged file
-            sound.append(path.stem)
+            sound.add(path.stem)
         except Fault as fault:
             unlike[f"its record {fault}"] += 1
         except (OSError, StoreError) as error:
             unlike[str(error)] += 1
-    for key in sound:
+    for key in sorted(sound):
         theirs = store.description(key)
         if theirs.get("noise_seed") in more:  # a further draw, which is taken with the first draw of its run
             continue
@@ -73,7 +73,7 @@ def reuse_runs(case: Part, runner: Runner, earlier: str | Path | None) -> list[I
             unlike[f"materials.{outside[0]} is outside its bounds"] += 1
             continue
         draws = tuple(digest(runner.description(parameters, draw)) for draw in more)
-        if parameters != reference and not set(draws) <= set(sound):
+        if parameters != reference and not sound.issuperset(draws):
             unlike[f"it has fewer than the {1 + len(more)} speckle draws of this case (simulator.draws)"] += 1
             continue
         if not all(runner.take(store, one) for one in (key, *draws) if one in sound):
