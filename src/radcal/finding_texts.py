@@ -260,8 +260,8 @@ TEXTS: Mapping[str, str] = {
     "law_outside_band": "{about}: the law of the search (parameters) leaves the 90 % band of sigma0 by up to "
     "{beyond_db:.1f} dB (possible cause: {cause}); parameters_model gives the law nearest to the median of the band",
     "texture": "{about}: the search found {looks:.2f} effective looks, fewer than the {looks_nominal:.3g} of the "
-    "simulated speckle; gamma texture in the simulation makes up the difference. Only values below about 0.9 times "
-    "radar.looks, the median of the prior of the effective looks, are evidence of texture",
+    "simulated speckle; gamma texture in the simulation makes up the difference. Values between about 0.9 times "
+    "radar.looks and radar.looks are no evidence of texture",
     "another_law": "sigma0 is determined at no angle, because the program's backscatter differs from law {law} by up "
     "to {difference_db:.1f} dB at the same X",
     "registration_moved": "{about}: a further registration, onto the calibrated image, would move the material's "
