@@ -56,7 +56,7 @@ def main() -> None:
             for name in names:
                 _, all_sizes, most_truths = SEARCHES[name]
                 for size in all_sizes:
-                    if (sizes is None or size in sizes) and number < (1 if size == 800 else most_truths):
+                    if (sizes is None or size in sizes) and number < (3 if size == 800 else most_truths):
                         searched(results, name, size, number)
     found = {name: table(results, name) for name in SEARCHES if results.of({"method": name})}
     if arguments.figure:
@@ -100,9 +100,10 @@ def drawn(found: Mapping[str, Sequence[Row]], path: Path) -> None:
     for name, rows in found.items():
         sizes = [row["size"] for row in rows]
         low, middle, high = np.array([row["quartiles"] for row in rows], dtype=float).T  # None is drawn as a gap
-        axis.plot(sizes, middle, marker="o", label=name.replace("_", " "))
-        axis.fill_between(sizes, low, high, alpha=0.2)
-    alone = np.geomspace(1, max(row["size"] for rows in found.values() for row in rows))
+        spread = np.array([middle - low, high - middle])
+        label = f"{name.replace('_', ' ')} ({max(row['n'] for row in rows)} targets)"
+        axis.errorbar(sizes, middle, spread, marker="o", capsize=4, label=label)
+    alone = np.geomspace(2, max(row["size"] for rows in found.values() for row in rows))  # the axis is linear below 2
     axis.plot(alone, alone, "k:", linewidth=1, label="runs of the design alone")
     axis.set(
         xlabel="runs of the design", ylabel="runs to an rms of 1e-5", xscale="symlog", yscale="log", ylim=(1, None)

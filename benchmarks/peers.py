@@ -1,8 +1,9 @@
 """Other optimisers on a problem of :mod:`searches`, each with the settings that its authors recommend.
 
-Every method knows the reference run. Methods that take a vector of residuals get the differences of mean, log sd and
-skewness; the others get the decimal logarithm of their sum of squares, which tells more than the rms far from the
-target. X lies in the unit box. A method that ends by itself starts again at a Sobol point.
+Every method gets X and residuals of the reference run; CMA-ES and Levenberg-Marquardt take only X, as mean and as
+start. Methods that take a vector of residuals get the differences of mean, log sd and skewness; the others get
+the decimal logarithm of their sum of squares, which tells more than the rms far from the target. X lies in the unit
+box. A method that ends by itself starts again at a Sobol point.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -55,20 +57,23 @@ def _scalar(residuals: Doubles) -> float:
 
 
 def cma_es(problem: Problem) -> str:
-    """BIPOP-CMA-ES of cma, from the reference run, with a first step of a quarter of the box."""
+    """BIPOP-CMA-ES of cma, from the reference run and then from Sobol points, first step a quarter of the box."""
     import cma
 
     restarts = {"restarts": 9, "bipop": True}
     options = {"bounds": [0.0, 1.0], "seed": problem.seed % 2**31 + 1, "verbose": -9}
+    starts = chain([problem.start], _sobol(problem))
     while True:
-        cma.fmin2(lambda unit: _scalar(problem.residuals(np.asarray(unit))), problem.start, 0.25, options, **restarts)
+        cma.fmin2(
+            lambda unit: _scalar(problem.residuals(np.asarray(unit))), lambda: next(starts), 0.25, options, **restarts
+        )
 
 
 def levenberg_marquardt(problem: Problem) -> str:
     """MINPACK's Levenberg-Marquardt by scipy, from the reference run and then from Sobol points.
 
-    X = sin(v)^2 keeps it in the box, as MINUIT does; scipy's own method for bounds needed twice as many runs. MINPACK
-    wants as many residuals as parameters: the last one is 0. The difference step is larger than the rounding of pixels.
+    X = sin(v)^2 keeps it in the box, as MINUIT does. MINPACK wants as many residuals as parameters: the last one is 0.
+    The difference step is larger than the rounding of pixels.
     """
     sobol, unit = _sobol(problem), problem.start
     while True:
@@ -228,11 +233,12 @@ def sbi(problem: Problem) -> str:
     torch.set_num_threads(1)
     torch.manual_seed(problem.seed)
     prior = BoxUniform(torch.zeros(problem.dimension), torch.ones(problem.dimension))
-    units = prior.sample((100,))
-    found = np.array([problem.residuals(unit.numpy().astype(float)) for unit in units])
+    units = [problem.start, *prior.sample((100,)).numpy().astype(float)]
+    found = [problem.residuals(unit) for unit in units]
     network = NPE(prior, show_progress_bars=False)
-    network.append_simulations(units, torch.tensor(found, dtype=torch.float32)).train()
-    posterior = network.build_posterior().set_default_x(torch.zeros(1, found.shape[1]))
+    of_runs = (torch.tensor(np.array(one), dtype=torch.float32) for one in (units, found))
+    network.append_simulations(*of_runs).train()
+    posterior = network.build_posterior().set_default_x(torch.zeros(1, len(found[0])))
     mode = posterior.map(show_progress_bars=False).numpy().ravel()
     problem.residuals(mode.astype(float))
     return "one verifying run"

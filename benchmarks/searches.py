@@ -127,7 +127,7 @@ class Problem:
         Ended
             The run is within the tolerance, or is the last one.
         """
-        if np.array_equal(unit, self.start):
+        if np.allclose(unit, self.start, rtol=0.0, atol=1e-12):  # PEST++ gets and returns X + 1
             return self.start_residuals
         found, rms = self._run(unit)
         self.rms.append(rms)

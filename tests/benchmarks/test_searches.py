@@ -22,6 +22,14 @@ def test_the_first_run_within_the_rms_counts():
     assert [runs_to(found, rms) for rms in (1e-5, 3.2e-3, 1e-6)] == [9.0, 4.0, math.inf]
 
 
+def test_runs_of_a_design_and_of_an_iteration_are_made_together():
+    found = row((3, 1e-2), (9, 8e-6))
+    counted = {"radcal": (3, 9), "radcal_2": (4, 10), "radcal_black_box_2": (8, 10), "paper": (800, 800)}
+    for method, runs in counted.items():
+        made = [runs_to_tolerance.made_to(found, method, rms) for rms in (1e-2, 1e-5, 1e-6)]
+        assert made == [*runs, math.inf], method
+
+
 def test_a_sort_ranks_solutions_of_one_objective_as_platypus_does():
     """Also solutions with equal values, of which the first one is preferred."""
     problem = platypus.Problem(1, 1)
@@ -39,7 +47,7 @@ def test_a_search_that_did_not_reach_counts_as_more_than_any_other():
     assert quartiles([5.0, math.inf, 7.0, 6.0, math.inf]) == [6.0, 7.0, None]
     assert quartiles([5.0, 8.0, math.inf, math.inf])[:2] == [7.25, None]
     rows = [row((1, 2e-2), (5, 1e-6)), row((1, 2e-2), (8, 5e-6)), row((1, 2e-2), (700, 4e-4))]
-    assert runs_to_tolerance.of_reading(rows, 1e-5) == {"success": 2, "n": 3, "median": 8.0, "worst": 8.0}
+    assert runs_to_tolerance.of_reading(rows, "sbi", 1e-5) == {"success": 2, "n": 3, "median": 8.0, "worst": 8.0}
 
 
 def test_a_finished_search_is_not_made_again(tmp_path, monkeypatch):
