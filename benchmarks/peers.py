@@ -13,6 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import chain
 from pathlib import Path
 
@@ -24,6 +25,7 @@ from searches import Problem
 
 Doubles = NDArray[np.float64]
 _HOUR_S = 3600.0
+_DIFFERENCE = 1e-3  # step for derivatives, larger than the rounding of pixels
 
 
 @dataclass(frozen=True)
@@ -52,6 +54,11 @@ def _sobol(problem: Problem) -> Iterator[Doubles]:
         yield from sampler.random(16)
 
 
+def _starts(problem: Problem) -> Iterator[Doubles]:
+    """X of the reference run, and then Sobol points."""
+    return chain([problem.start], _sobol(problem))
+
+
 def _scalar(residuals: Doubles) -> float:
     return float(np.log10(max(np.sum(residuals**2), 1e-30)))
 
@@ -62,7 +69,7 @@ def cma_es(problem: Problem) -> str:
 
     restarts = {"restarts": 9, "bipop": True}
     options = {"bounds": [0.0, 1.0], "seed": problem.seed % 2**31 + 1, "verbose": -9}
-    starts = chain([problem.start], _sobol(problem))
+    starts = _starts(problem)
     while True:
         cma.fmin2(
             lambda unit: _scalar(problem.residuals(np.asarray(unit))), lambda: next(starts), 0.25, options, **restarts
@@ -73,18 +80,23 @@ def levenberg_marquardt(problem: Problem) -> str:
     """MINPACK's Levenberg-Marquardt by scipy, from the reference run and then from Sobol points.
 
     X = sin(v)^2 keeps it in the box, as MINUIT does. MINPACK wants as many residuals as parameters: the last one is 0.
-    The difference step is larger than the rounding of pixels.
     """
-    sobol, unit = _sobol(problem), problem.start
+    starts = _starts(problem)
     while True:
-        inside = np.clip(unit, 0.02, 0.98)  # at a bound, the residuals do not change with v
+        inside = np.clip(next(starts), 0.02, 0.98)  # at a bound, the residuals do not change with v
 
         def residuals(v: Doubles) -> Doubles:
             found = problem.residuals(np.sin(v) ** 2)
             return np.append(found, np.zeros(len(v) - len(found)))
 
-        least_squares(residuals, np.arcsin(np.sqrt(inside)), method="lm", diff_step=1e-3)
-        unit = next(sobol)
+        least_squares(residuals, np.arcsin(np.sqrt(inside)), method="lm", diff_step=_DIFFERENCE)
+
+
+def _trust_region(method: str, problem: Problem) -> str:
+    """Trust region of scipy within the bounds, from the reference run and then from Sobol points."""
+    starts = _starts(problem)
+    while True:
+        least_squares(problem.residuals, next(starts), bounds=(0.0, 1.0), method=method, diff_step=_DIFFERENCE)
 
 
 # parameters are X + 1, because the program limits their relative changes
@@ -132,11 +144,11 @@ def _write_pest(folder: Path, unit: Doubles, n: int) -> None:
 
 def pestpp_glm(problem: Problem) -> str:
     """``pestpp-glm`` of PEST++ on the PATH with its defaults, from the reference run and then from Sobol points."""
-    sobol, unit = _sobol(problem), problem.start
+    starts = _starts(problem)
     while True:
         with tempfile.TemporaryDirectory() as name:
             folder = Path(name)
-            _write_pest(folder, unit, len(problem.start_residuals))
+            _write_pest(folder, next(starts), len(problem.start_residuals))
             with subprocess.Popen(["pestpp-glm", "case.pst"], cwd=folder, stdout=subprocess.DEVNULL) as program:
                 try:
                     while program.poll() is None:
@@ -149,7 +161,6 @@ def pestpp_glm(problem: Problem) -> str:
                         (folder / "answered").touch()
                 finally:
                     program.kill()
-        unit = next(sobol)
 
 
 def _known(problem: Problem, count: int) -> tuple[list[Doubles], list[Doubles]]:
@@ -247,6 +258,8 @@ def sbi(problem: Problem) -> str:
 PEERS = {
     "cma_es": Peer(cma_es),
     "levenberg_marquardt": Peer(levenberg_marquardt),
+    "trf": Peer(partial(_trust_region, "trf")),
+    "dogbox": Peer(partial(_trust_region, "dogbox")),
     "pestpp_glm": Peer(pestpp_glm),
     "optuna": Peer(optuna_tpe),
     "optuna_gp": Peer(optuna_gp, 300),

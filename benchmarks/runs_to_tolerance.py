@@ -57,6 +57,8 @@ _STYLES = {
     "paper": "k--",
     "cma_es": "C2-",
     "levenberg_marquardt": "C3-",
+    "trf": "C3--",
+    "dogbox": "C3:",
     "pestpp_glm": "C4-",
     "optuna": "C5-",
     "optuna_gp": "C5:",

@@ -60,7 +60,8 @@ def test_a_finished_search_is_not_made_again(tmp_path, monkeypatch):
     assert results.of({"number": 4}) == []
 
 
-def test_a_peer_finds_the_zero_of_linear_residuals():
+@pytest.mark.parametrize("method", ["levenberg_marquardt", "trf", "dogbox"])
+def test_a_peer_finds_the_zero_of_linear_residuals(method):
     slopes = np.array([[1.0, 2.0, 0.0, -1.0], [0.0, 1.0, 3.0, 1.0], [2.0, 0.0, 1.0, 1.0]])
     zero, runs = np.array([0.3, 0.6, 0.2, 0.7]), []
 
@@ -72,5 +73,5 @@ def test_a_peer_finds_the_zero_of_linear_residuals():
         return found
 
     with pytest.raises(Ended):
-        peers.levenberg_marquardt(SimpleNamespace(start=np.full(4, 0.5), dimension=4, seed=1, residuals=residuals))
+        peers.PEERS[method].search(SimpleNamespace(start=np.full(4, 0.5), dimension=4, seed=1, residuals=residuals))
     assert len(runs) <= 50  # a dozen iterations of five runs at most: X is no linear function of v
