@@ -189,7 +189,7 @@ TEXTS: Mapping[str, str] = {
     # the end of the search
     "search_goes_on": "{about}: {standing} so far",
     "search_stagnated": "{about}: {standing}, without improvement for {counted_idle}",
-    "search_out_of_runs": "{about}: {standing} at the maximum of {counted_runs}",
+    "search_out_of_runs": "{about}: {standing} after {counted_runs}: stop.max_runs allows no further run",
     "search_out_of_time": "{about}: {standing} after {hours:.2g} h of the simulator: stop.max_hours leaves too "
     "little for a further run",
     "rms_before_infill": "{about}: rms {rms:.2g} within the tolerance {tolerance:.2g} before any proposed (infill) run",

@@ -40,10 +40,17 @@ def noise_seed(case: Part, fresh: bool = False) -> int:
 
 
 def draw_seeds(case: Part) -> list[int]:
-    """Seeds of all speckle draws of a run: first the common seed of all runs, then the seeds of the further draws."""
-    more = range(2, case.simulator.draws + 1)
-    width = case.simulator.seed_bits
-    return [noise_seed(case), *(derived_seed(case.seed, "runs", "draw", k, bits=width) for k in more)]
+    """Seeds of all speckle draws of a run: first the common seed of all runs, then the seeds of the further draws.
+
+    They differ from each other, and from the seed of the final check run, also if seeds have few bits.
+    """
+    found, fresh, k = [noise_seed(case)], noise_seed(case, fresh=True), 2
+    while len(found) < case.simulator.draws:
+        seed = derived_seed(case.seed, "runs", "draw", k, bits=case.simulator.seed_bits)
+        if seed not in (*found, fresh):
+            found.append(seed)
+        k += 1
+    return found
 
 
 def measurement_seed(simulator: SimulatorConfig, seed: int) -> int:

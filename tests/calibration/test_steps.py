@@ -13,7 +13,6 @@ from radcal.calibration.steps import (
     _noisy,
     called,
     design_line,
-    noise_seed,
     progress_line,
     propose_all,
     reference_runs,
@@ -30,6 +29,7 @@ from radcal.objectives.base import PredictedPoints
 from radcal.objectives.density import Density
 from radcal.objectives.history import History, Proposal, Run, read_proposals, read_runs, write_proposals, write_runs
 from radcal.proposals.surrogate import Trainings
+from radcal.seeds import draw_seeds, noise_seed
 from radcal.speckle.texture import log_speckle_cumulants
 from radcal.storage.dataclass_groups import same
 from radcal.storage.runs import Record
@@ -162,6 +162,20 @@ def test_only_a_program_that_declares_nothing_repeats_its_reference_run(build_ca
     assert len(reference_runs(STAGES["reference_run"].of(case), [runner])) == runs
     seed = noise_seed(case)
     assert runner.asked == [(seed, True, False), (seed, False, True)][:runs]
+
+
+@pytest.mark.parametrize("heard", [[], [1], [2]])
+def test_equal_speckle_draws_are_refused(build_case, heard):
+    """Their average would be taken for that of independent ones."""
+    case = STAGES["reference_run"].of(program(build_case, draws=3))
+    others = [draw_seeds(case)[k] for k in heard]
+
+    class Deaf:
+        def run(self, parameters, seed, image=False, repeat=False):
+            return Record(str(seed), {"dyke": np.float32([1.0, 2.0 + 0.5 * (seed in others)])}, None, 0.1)
+
+    with pytest.raises(SimulatorError, match=r"^reference run: simulator\.draws is 3, but speckle draws with other "):
+        reference_runs(case, [Deaf()])
 
 
 @pytest.mark.parametrize(

@@ -84,10 +84,22 @@ def test_an_iteration_of_several_runs_is_judged_by_its_best():
         assert (found.reason, found.materials["dyke"].finding.numbers["runs"]) == ("rms", 6)
         assert reason(of((0.1, 0.1), rms, (0.5, 0.5)), max_runs=6) == "rms"
     assert reason(of((0.3, 0.31), (0.32, 0.29)), stagnation_runs=2) is None
-    assert reason(of((0.3, 0.31), (0.32, 0.31)), stagnation_runs=3) == "stagnation"
-    # a maximum amid an iteration
-    assert reason(of((0.1, 0.1), (0.2, 9e-4)), max_runs=5) == "max_runs"
-    assert reason(of((0.1, 0.1), (9e-4, 0.2)), max_runs=5) == "rms"
+    assert reason(of((0.3, 0.31), (0.32, 0.31)), stagnation_runs=2) == "stagnation"
+    # a maximum amid an iteration, which was lowered after its runs had been made
+    for rms in ((9e-4, 0.2), (0.2, 9e-4)):
+        assert reason(of((0.1, 0.1), rms), max_runs=5) == "rms"
+    out = judged(of((0.1, 0.1), (0.2, 0.05)), max_runs=5).materials["dyke"]
+    assert (out.reason, out.finding.numbers["runs"], out.finding.numbers["rms"]) == ("max_runs", 6, 0.05)
+
+
+def test_runs_made_together_with_the_best_are_no_failures_after_it():
+    """The first of ten runs is the best: only the next iteration, without a better one, is idle."""
+    together = [*history([]).runs, *(run("infill", 0, {"dyke": rms}) for rms in (0.01, *[0.2] * 9))]
+    assert reason(History(together), stagnation_runs=5) is None
+    idle = [run("infill", 1, {"dyke": 0.02})] * 5
+    assert reason(History([*together, *idle[:4]]), stagnation_runs=5) is None
+    found = judged(History([*together, *idle]), stagnation_runs=5)
+    assert (found.reason, found.materials["dyke"].finding.numbers["idle"]) == ("stagnation", 5)
 
 
 def test_the_budget_of_time_ends_the_search_before_it_is_exceeded():
@@ -95,6 +107,8 @@ def test_the_budget_of_time_ends_the_search_before_it_is_exceeded():
     stop = Stop(max_hours=3.0 / 3600.0, max_runs=9)
     assert [runs_left(history([0.1] * k), stop) for k in (0, 1, 4)] == [4, 3, 0]
     assert runs_left(history([0.1] * 2), Stop(max_runs=5)) == 1
+    # before any run of the search, each is expected to need the time of the reference run
+    assert runs_left(history([], design=()), stop) == 6
     found = judged(history([0.1] * 4), max_hours=3.0 / 3600.0)
     assert (found.reason, found.converged) == ("max_hours", False)
     numbers = {"rms": 0.1, "tolerance": 1e-3, "hours": 3.0 / 3600.0}

@@ -5,7 +5,7 @@ import pytest
 from radcal.config import case_from
 from radcal.errors import ConfigError
 from radcal.programs.command_plan import check_command
-from radcal.seeds import derived_seed, measurement_seed, noise_seed
+from radcal.seeds import derived_seed, draw_seeds, measurement_seed, noise_seed
 
 MATERIALS = {"dyke": {"calibrate": True, "law": "external", "names": ["a", "n"], "bounds": [[0, 9], [0, 9]]}}
 
@@ -33,6 +33,22 @@ def test_a_program_has_seeds_that_a_c_int_holds():
     assert len({seed for seed in seeds if 0 < seed < 2**31}) == 3
     assert noise_seed(case_of(["{noise_seed}"], seed_bits=63)) == derived_seed(1, "runs", "common")
     assert noise_seed(case_from({})) == derived_seed(1, "runs", "common")  # radcal's own has 63
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_speckle_draws_have_seeds_of_their_own_also_of_8_bits(seed):
+    """64 of 255 seeds: with independent ones, nearly every case would have two that are equal."""
+    case = case_of(["{noise_seed}"], {"seed": seed}, seed_bits=8, draws=64)
+    seeds = [*draw_seeds(case), noise_seed(case, fresh=True)]
+    assert len(set(seeds)) == len(seeds) == 65
+    assert seeds[0] == noise_seed(case)
+    wide = case_of(["{noise_seed}"], {"seed": seed}, seed_bits=63, draws=3)
+    assert draw_seeds(wide)[1:] == [derived_seed(seed, "runs", "draw", k) for k in (2, 3)]
+
+
+def test_a_program_without_seed_has_no_further_draws():
+    with pytest.raises(ConfigError, match=r"simulator: draws is 4, expected 1 with seedless: true"):
+        case_of([], seedless=True, draws=4)
 
 
 def test_a_program_without_its_seed_is_refused_unless_it_takes_none():

@@ -147,6 +147,19 @@ def test_no_x_is_in_a_batch_twice():
     assert len(batch([[0.5, 0.5, 0.5]], 0.0)) == 1
 
 
+def test_runs_that_would_tell_the_same_are_not_in_a_batch():
+    """Errors of a tenth of a standard deviation hardly change a cost for which improvements below 0.03 do not count."""
+    best = make_score(0.5, [0.5, 0.5, 0.5])
+
+    def count(error, improvement):
+        found = search(REACHABLE, Exact(error=error))
+        found.objective.improvement = improvement
+        return len(found.batch(3, QUICK, 1, best))
+
+    # with an error of 1, the second draw finds its target at the bound of the skewness, near the first X
+    assert [count(0.02, 0.0), count(0.02, 0.03), count(1.0, 0.03)] == [3, 1, 2]
+
+
 def test_failures_keep_every_other_proposal_near_the_best():
     """A trust region around the best verified point, half as wide after each second failure."""
     best = scored([0.9, 0.9, 0.1], 0.12)

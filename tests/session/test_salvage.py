@@ -95,6 +95,14 @@ def test_a_lost_run_takes_its_index_with_it(out):
     assert names(out) & {*INDEXES} == {*INDEXES[::2]}
 
 
+def test_a_lost_speckle_draw_takes_its_index_with_it(out):
+    with provenance("tiny"):
+        write_json(out / INDEXES[0], [{"key": KEYS[0], "parameters": {}, "draws": ["0" * 20]}])
+    (sentence,) = salvage(out, "tiny")
+    assert f"runs listed in {INDEXES[0]} are not there ({'0' * 20})" in sentence
+    assert names(out) & {*INDEXES} == {*INDEXES[1:]}
+
+
 def test_all_runs_lost_are_one_sentence_with_their_number(out):
     for path in (out / "runs").iterdir():
         path.unlink()

@@ -18,7 +18,7 @@ with job(snakemake) as case:
     repeated = [IndexedRun.of(record, start, db) for record, db in zip(again, differences, strict=True)]
     write_index(snakemake.output.index, [IndexedRun.of(first, start), *repeated])
     rows, columns = first.image_db.shape
-    progress(f"reference run: {first.seconds:.1f} s for an image of {rows} x {columns} pixels")
+    progress(f"reference run: {first.draws_s:.1f} s for an image of {rows} x {columns} pixels")
     for finding in repeatability(case.simulator, differences):
         progress(sentence(finding))
     if changed := changed_links(case, runners[0].identity):

@@ -13,4 +13,4 @@ with job(snakemake) as case:
     with called("registration run"):
         (record,) = run_all_draws(case, runners, parameters, image=True)
     write_index(snakemake.output.index, [IndexedRun.of(record, parameters)])
-    progress(f"registration run, with laws fitted to the registered image: {record.seconds:.1f} s")
+    progress(f"registration run, with laws fitted to the registered image: {record.draws_s:.1f} s")

@@ -148,7 +148,7 @@ def score(
         kind=kind,
         index=index,
         keys=[record.key for record in records],
-        seconds=sum(draw.seconds for record in records for draw in (record, *record.draws)),
+        seconds=sum(record.draws_s for record in records),
         scores=scores,
     )
 

@@ -56,10 +56,20 @@ def reference_runs(case: Part, runners: Sequence[Runner]) -> list[list[Record]]:
     list of list of Record
         Records of the reference run in all passes, with whole images, and, for an external simulator, those of the
         repetition. There is no repetition if the configuration declares whether the simulator is deterministic.
+
+    Raises
+    ------
+    SimulatorError
+        A run failed, or further speckle draws equal the first one.
     """
     parameters, seed = case.start_parameters, noise_seed(case)
     with called("reference run"):
         runs = [run_all_draws(case, runners, parameters, image=True)]
+        if any(not one.largest_difference_db(draw) for one in runs[0] for draw in one.draws):
+            raise SimulatorError(
+                f"simulator.draws is {case.simulator.draws}, but speckle draws with other seeds are equal, expected "
+                "draws that differ, or simulator.draws: 1."
+            )
     if case.simulator.deterministic is None:
         with called("second reference run"):
             runs.append([one.run(parameters, seed, repeat=True) for one in runners])
@@ -332,7 +342,7 @@ def design_line(number: int, size: int, record: Record, targets: Targets) -> str
         text = f"{rms[low]:.2e} ({low}) to {rms[high]:.2e} ({high})"
     unit = targets.levels.unit
     return (
-        f"design run {number} of {size}: {record.seconds:.1f} s; simulated and measured density differ by {text} per "
+        f"design run {number} of {size}: {record.draws_s:.1f} s; simulated and measured density differ by {text} per "
         f"{unit} (rms)"
     )
 

@@ -56,8 +56,8 @@ def decide(history: History, materials: Sequence[str], stop: Stop, objective: st
     Returns
     -------
     Decision
-        Decision that depends on the arguments alone: after a change of settings, earlier runs are judged as if the new
-        settings had always held.
+        Decision that depends on the arguments alone: after a change of settings, earlier iterations, each with all of
+        its runs, are judged as if the new settings had always held.
     """
     states = {name: _judge(history, name, stop, objective_class(objective)) for name in materials}
     reasons = {state.reason for state in states.values()}
@@ -77,14 +77,12 @@ def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) 
         left, _ = _left(seconds, stop)
         if left <= 0:
             break
-        runs = list(iteration)[: stop.max_runs - len(seconds)]
+        runs = list(iteration)  # made together, so that none of them is a failure after a better one
         seconds += [run.seconds for run in runs]
         moved_db = runs[-1].scores[name].moved_db
-        for run in runs:
-            score = run.scores[name]
-            if run.proposals[name].mode != "ended":
-                idle = 0 if best - score.cost > objective.improvement else idle + 1
-                best = min(best, score.cost)
+        if costs := [run.scores[name].cost for run in runs if run.proposals[name].mode != "ended"]:
+            idle = 0 if best - min(costs) > objective.improvement else idle + len(costs)
+            best = min(best, *costs)
         for run in runs:
             progress = Progress(name, len(seconds), best, idle, run.scores[name], run.proposals[name], sampling)
             if ending := objective.ending(progress, stop):
@@ -97,21 +95,28 @@ def _judge(history: History, name: str, stop: Stop, objective: type[Objective]) 
         return SearchState.of(None, "search_goes_on", name, **numbers)
     if reason == "max_hours":
         return SearchState.of(reason, "search_out_of_time", name, **numbers, hours=sum(seconds) / 3600.0)
-    return SearchState.of(reason, "search_out_of_runs", name, **numbers, runs=stop.max_runs)
+    return SearchState.of(reason, "search_out_of_runs", name, **numbers, runs=len(seconds))
 
 
 def runs_left(history: History, stop: Stop) -> int:
-    """Number of further runs within ``max_runs`` and, if each takes the mean time of the runs so far, ``max_hours``."""
-    return _left(_seconds(history, "design", "infill"), stop)[0]
+    """Number of further runs within ``max_runs`` and, if each takes the mean time of the runs so far, ``max_hours``.
+
+    Before any run of the search, each is taken to need the time of the reference run.
+    """
+    return _left(_seconds(history, "design", "infill"), stop, _seconds(history, "reference"))[0]
 
 
 def _seconds(history: History, *kinds: Kind) -> list[float]:
     return [run.seconds for run in history.runs if run.kind in kinds]
 
 
-def _left(seconds: Sequence[float], stop: Stop) -> tuple[int, Reason]:
-    """Number of further runs after runs of some wall times [s], and the setting that limits it."""
+def _left(seconds: Sequence[float], stop: Stop, before: Sequence[float] = ()) -> tuple[int, Reason]:
+    """Number of further runs after runs of some wall times [s], and the setting that limits it.
+
+    If there is no run yet, the runs ``before`` the search tell how long one takes.
+    """
     within: list[tuple[int, Reason]] = [(stop.max_runs - len(seconds), "max_runs")]
-    if stop.max_hours is not None and (spent := sum(seconds)) > 0.0:
-        within.append((int((3600.0 * stop.max_hours - spent) * len(seconds) / spent), "max_hours"))
+    if stop.max_hours is not None and (like := sum(seconds or before)) > 0.0:
+        mean = like / len(seconds or before)
+        within.append((int((3600.0 * stop.max_hours - sum(seconds)) / mean), "max_hours"))
     return min(within, key=lambda one: one[0])

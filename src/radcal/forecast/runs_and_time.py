@@ -81,7 +81,7 @@ def planned_runs(case: Case, jobs: Sequence[tuple[str, Mapping[str, str]]]) -> d
     iterations = [int(words["k"]) for rule, words in jobs if rule in ("train", "propose", "verify")]
     # the jobs of the iterations are planned once the scores are known
     begun = 0 if planned["scores"] else min(iterations, default=None)
-    left = case.stop.max_runs - case.design_size - (begun or 0) * case.infill.batch
+    left = case.stop.max_runs - case.design_size - (begun or 0)  # an iteration has one run at least
     infill = 0 if begun is None or not planned["final_runs"] else max(left, 0)
     return {
         "measurement": sum(rule == "measurement" and sources[words["p"]] == "synthetic" for rule, words in jobs),

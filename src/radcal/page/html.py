@@ -215,8 +215,10 @@ def _materials(
 ) -> list[_Shown]:
     """Calibrated materials in the order of the configuration."""
     stop, found = archive.configured.stop, []
-    numbers = {"case": summary["case"], "max_runs": 2 * stop.max_runs, "idle": 2 * stop.stagnation_runs}
-    numbers["max_hours"] = 2.0 * (stop.max_hours or 0.0)
+    of_search = np.isin(archive.runs.kind, ("design", "infill"))  # may exceed settings that were lowered since
+    numbers = {"case": summary["case"], "idle": 2 * stop.stagnation_runs}
+    numbers["max_runs"] = 2 * max(stop.max_runs, int(of_search.sum()))
+    numbers["max_hours"] = 2.0 * max(stop.max_hours or 0.0, float(archive.runs.seconds[of_search].sum()) / 3600.0)
     for (name, result), slug in zip(archive.materials.items(), slugs(archive.materials), strict=True):
         own, configured = summary["materials"][name], archive.configured.materials[name]
         found.append(

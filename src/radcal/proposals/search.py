@@ -338,7 +338,8 @@ class Search:
         Each further X is chosen likewise on a draw of the surrogate (:meth:`.Surrogate.drawn`). It is thus as far from
         the first as the surrogate is uncertain, and the runs together show how its error changes in between. Taking the
         prediction at the first X as a run (kriging believer) would not move the best predicted X. A further X that has
-        been simulated, or chosen before, is left out.
+        been simulated, or chosen before, is left out, and so is one whose predicted statistics differ from those of a
+        chosen X by less than an improvement of the cost.
 
         References
         ----------
@@ -351,10 +352,18 @@ class Search:
             search = Search(self.objective, self.surrogate.drawn(draw), [one.parameters for one in found])
             one = search.propose(config, draw, best, failures)
             point = self.point(one.parameters, one.looks or self.objective.material.looks)
-            if search._fresh(point):  # the draw's own predictions give way to those of the surrogate
-                cost, statistics = float(self.cost(point)[0]), self.surrogate.predict(point[None, : self._d])[0]
+            # the draw's own predictions give way to those of the surrogate
+            statistics = self.surrogate.predict(point[None, : self._d])[0]
+            known = [chosen.statistics for chosen in found if chosen.statistics]
+            if search._fresh(point) and not any(self._alike(statistics, other) for other in known):
+                cost = float(self.cost(point)[0])
                 found.append(replace(one, cost=cost, floor=None, statistics=statistics.tolist(), front=Front()))
         return found
+
+    def _alike(self, first: ArrayLike, second: ArrayLike) -> bool:
+        """Whether two runs with these statistics tell the same: with one as target, the other has hardly any cost."""
+        apart = (np.asarray(first) - np.asarray(second)) / self.objective.scale
+        return bool(0.5 * (apart**2).sum() < self.objective.improvement)
 
     def propose(self, config: Optimiser, seed: int, best: Score, failures: int = 0) -> Proposal:
         """Choose the next X of a material to simulate.

@@ -69,8 +69,8 @@ class Infill(Section):
 
     batch: Annotated[Integer, Field(ge=1, le=64)] = Field(
         1,
-        description="number of runs that an iteration proposes and makes in parallel; more need fewer iterations, but "
-        "more runs in all",
+        description="largest number of runs that an iteration proposes and makes in parallel; more need fewer "
+        "iterations, but more runs in all",
     )
 
 

@@ -271,6 +271,8 @@ class CommandSimulation(Section):
                 f" is {self.retry_wait_s:g} and retries {self.retries}: waits that double each time add "
                 f"up to {self._waits_s / 86_400:.3g} days, expected at most {LONGEST_S / 86_400:g}",
             )
+        if self.seedless and self.draws > 1:
+            raise Wrong("draws", f" is {self.draws}, expected 1 with seedless: true")
         if self.version is not None and self.version_command is not None:
             raise Wrong("version", " and version_command are both given, expected one of them")
         names = [

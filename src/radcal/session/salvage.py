@@ -111,7 +111,9 @@ def _contents(path: Path, sentences: list[str]) -> Any:
 def _keys(data: Any) -> set[str]:
     """Hashes of the runs that an index of runs lists."""
     entries = data if isinstance(data, list) else []
-    each = [[entry.get("key"), *entry.get("keys", [])] for entry in entries if isinstance(entry, dict)]
+    lists = ("keys", "draws")
+    each = [[entry.get("key"), *(key for name in lists for key in entry.get(name, ()))] for entry in entries
+            if isinstance(entry, dict)]  # fmt: skip
     return {key for keys in each for key in keys if isinstance(key, str)}
 
 

@@ -242,7 +242,7 @@ class Session:
         runs = self.folder / "runs"
         by = "Ctrl-C" if self.messages.interrupted else "SIGTERM" if self.messages.terminated else None
         if by is not None:
-            kept = len(list(runs.glob("[!.]*.h5")))
+            kept = standing(self.case, self.folder).done
             say(f"stopped by {by}. {kept} finished runs are kept in {runs}; the same command goes on from there.")
         elif failed:
             say(

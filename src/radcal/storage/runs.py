@@ -67,6 +67,11 @@ class Record:
     seconds: float
     draws: tuple[Record, ...] = ()
 
+    @property
+    def draws_s(self) -> float:
+        """Wall time of the simulator for all draws [s]."""
+        return self.seconds + sum(draw.seconds for draw in self.draws)
+
     def largest_difference_db(self, other: Record) -> float:
         """Largest absolute difference between the pixels of this run and those of another run [dB]."""
         each = [np.max(np.abs(values - other.pixels_db[name]), initial=0.0) for name, values in self.pixels_db.items()]
