@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import os
-import tempfile
+import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -71,8 +71,8 @@ class Problem:
     ----------
     bench : TimedBench
         Scene and simulator.
-    path, runs : path
-        Case file, and folder for its runs.
+    path, folder : path
+        Case file, and folder for its runs and for what a search keeps to be continued.
     seed : int
         Seed for the random numbers of a method.
     most : int
@@ -82,6 +82,10 @@ class Problem:
 
     Attributes
     ----------
+    folder : path
+        The given folder.
+    earlier_s : float
+        CPU time of a search that was begun earlier and is continued [s].
     start, start_residuals : ndarray
         X of the reference run in the unit box, and the residuals of this run, which is not counted.
     rms : list of float
@@ -89,11 +93,12 @@ class Problem:
     """
 
     def __init__(
-        self, bench: TimedBench, path: Path, runs: Path, seed: int, most: int, most_s: float = math.inf
+        self, bench: TimedBench, path: Path, folder: Path, seed: int, most: int, most_s: float = math.inf
     ) -> None:
+        self.folder, self.earlier_s = folder, 0.0
         self.case, self.seed, self._limits = load([path]), seed, (most, most_s)
         self.rms: list[float] = []
-        self.runner = bench.runner(self.case, runs)
+        self.runner = bench.runner(self.case, folder / "runs")
         self.targets = bench.targets(self.case, self.runner)
         self._objectives = make_objectives(STAGES["scores"].of(self.case), [self.targets])
         (objective,) = self._objectives[_NAME].passes
@@ -111,8 +116,8 @@ class Problem:
         return len(self.start)
 
     def own_s(self) -> float:
-        """CPU time since the problem was made, without the simulator [s]."""
-        return _cpu_s() - self._timed.seconds - self._began_s
+        """CPU time of the search, without the simulator [s]."""
+        return self.earlier_s + _cpu_s() - self._timed.seconds - self._began_s
 
     def residuals(self, unit: Doubles) -> Doubles:
         """Differences of mean, log sd and skewness from the target's, scaled as in radcal, of the run at X.
@@ -160,10 +165,11 @@ def problem_of(
     target: str,
     number: int,
     settings: Mapping[str, Any],
+    folder: Path,
     most: int = 1200,
     most_s: float = math.inf,
 ) -> Iterator[Problem]:
-    """Problem of one hidden law, whose runs are deleted afterwards.
+    """Problem of one hidden law.
 
     Parameters
     ----------
@@ -177,10 +183,12 @@ def problem_of(
         Number of the hidden law.
     settings : mapping
         Keys of the case.
+    folder : path
+        Folder of the search, with the runs that it has made before, if it is continued.
     most, most_s : int, float
         Largest number of runs, and largest CPU time of the search [s].
     """
-    with tempfile.TemporaryDirectory() as runs, one_thread():
+    with one_thread():
         truth = hidden_laws(number + 1)[number].tolist()
         keys = {"objective": "density", **settings}
         if target == "reachable":
@@ -188,7 +196,7 @@ def problem_of(
         else:
             path = bench.speckled("case", truth, number + 1000, keys)  # an image's seed is not that of the runs
         seed = derived_seed(1, "benchmark", method, target, str(number)) % 2**31
-        yield Problem(bench, path, Path(runs), seed, most, most_s)
+        yield Problem(bench, path, folder, seed, most, most_s)
 
 
 def calibrated(problem: Problem, published: bool = False) -> str:
@@ -200,16 +208,23 @@ def calibrated(problem: Problem, published: bool = False) -> str:
         Problem, whose list of rms is filled.
     published : bool
         Whether smt estimates the length scales again every 20 runs only, and solutions are ranked by a sort in place
-        of Platypus' comparisons of all pairs, which take two thirds of the time and give the same ranks.
+        of Platypus' comparisons of all pairs, which take two thirds of the time and give the same ranks. The length
+        scales are kept, so that a search of hours goes on after a kill.
     """
-    scales: dict[tuple[int, int], Any] = {}
+    path = problem.folder / "scales.json"
+    kept = json.loads(path.read_text()) if path.exists() else {"own_s": 0.0}
+    problem.earlier_s = kept["own_s"]
     calls = iter(range(10**9))
 
     def every(unit: Doubles, values: Doubles, noisy: bool = False) -> Any:
-        key = len(unit) // _RETRAINED, next(calls) % 3  # smt learns the three outputs in turn
-        if key not in scales:
-            scales[key] = train_smt(unit, values, noisy)
-        return scales[key]
+        key = f"{len(unit) // _RETRAINED}.{next(calls) % 3}"  # smt learns the three outputs in turn
+        if key not in kept:
+            scales, nugget, status = train_smt(unit, values, noisy)
+            kept.update({key: [scales.tolist(), nugget, status], "own_s": problem.own_s()})
+            with atomic(path) as partial:
+                partial.write_text(json.dumps(kept))
+        scales, nugget, status = kept[key]
+        return np.array(scales), nugget, status
 
     with ExitStack() as patched:
         if published:
@@ -266,7 +281,11 @@ class Results:
         """
         for row in self.of(keys):
             return row
-        with problem_of(self._bench, keys["method"], keys["target"], keys["number"], **limits) as problem:
+        # the folder of a search that is killed stays, and its runs are not made again
+        folder = self._path.with_name("_".join([self._path.stem, *map(str, keys.values())]))
+        with problem_of(
+            self._bench, keys["method"], keys["target"], keys["number"], folder=folder, **limits
+        ) as problem:
             try:
                 ended = search(problem)
             except Ended as end:
@@ -279,6 +298,7 @@ class Results:
         self.rows = [*self._read(), row]  # another program may have added some
         with atomic(self._path) as partial:
             partial.write_text("".join(json.dumps(one) + "\n" for one in self.rows))
+        shutil.rmtree(folder, ignore_errors=True)
         print(
             json.dumps({key: value for key, value in row.items() if key != "best"}),
             f"lowest {best[-1][1]:.1e}",

@@ -2,6 +2,8 @@
 
 import json
 import math
+from contextlib import contextmanager
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -58,6 +60,41 @@ def test_a_finished_search_is_not_made_again(tmp_path, monkeypatch):
     results = Results(path, tmp_path)
     assert results.search(keys, search=None)["best"] == [[620, 5e-6]]
     assert results.of({"number": 4}) == []
+
+
+def test_a_killed_published_search_goes_on(tmp_path, monkeypatch):
+    """Its folder stays, with the length scales that took most of its time, until the search has ended."""
+    trained = []
+
+    def train(unit, values, noisy):
+        trained.append(len(unit))
+        return np.full(4, 0.5 + len(trained)), 1e-9, "trained"
+
+    def calibrate(case, runners, targets):
+        found = [searches.surrogate.train_smt(np.zeros((n, 4)), np.zeros(n), False) for n in (20, 20, 20, 39, 39, 39)]
+        assert [list(scales) for scales, *_ in found] == 2 * [[1.5] * 4, [2.5] * 4, [3.5] * 4]
+        if len(trained) == 3:
+            trained.append(0)
+            raise KeyboardInterrupt
+        score = {"dyke": SimpleNamespace(rms=5e-6)}
+        return SimpleNamespace(runs=[SimpleNamespace(kind="infill", scores=score)]), SimpleNamespace(reason="rms")
+
+    @contextmanager
+    def problem_of(bench, method, target, number, folder):
+        (folder / "runs").mkdir(parents=True, exist_ok=True)
+        yield SimpleNamespace(folder=folder, case=None, runner=None, targets=None, rms=[], own_s=lambda: 7.0)
+
+    for name, one in {"TimedBench": lambda _: None, "train_smt": train, "calibrate": calibrate}.items():
+        monkeypatch.setattr(searches, name, one)
+    monkeypatch.setattr(searches, "problem_of", problem_of)
+    keys = {"method": "paper", "target": "reachable", "number": 2}
+    search, results = partial(searches.calibrated, published=True), Results(tmp_path / "results.jsonl", tmp_path)
+    with pytest.raises(KeyboardInterrupt):
+        results.search(keys, search)
+    assert json.loads((tmp_path / "results_paper_reachable_2/scales.json").read_text())["own_s"] == 7.0
+    assert results.search(keys, search)["runs"] == 1
+    assert trained == [20, 20, 20, 0]
+    assert [path.name for path in tmp_path.iterdir()] == ["results.jsonl"]
 
 
 @pytest.mark.parametrize("method", ["levenberg_marquardt", "dogbox"])

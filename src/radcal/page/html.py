@@ -218,7 +218,7 @@ def _materials(
     of_search = np.isin(archive.runs.kind, ("design", "infill"))  # may exceed settings that were lowered since
     numbers = {"case": summary["case"], "idle": 2 * stop.stagnation_runs}
     numbers["max_runs"] = 2 * max(stop.max_runs, int(of_search.sum()))
-    numbers["max_hours"] = 2.0 * max(stop.max_hours or 0.0, float(archive.runs.seconds[of_search].sum()) / 3600.0)
+    numbers["max_hours"] = 2.0 * max(stop.max_hours or 0.0, float(np.nansum(archive.runs.seconds[of_search])) / 3600.0)
     for (name, result), slug in zip(archive.materials.items(), slugs(archive.materials), strict=True):
         own, configured = summary["materials"][name], archive.configured.materials[name]
         found.append(
